@@ -1,0 +1,1 @@
+//! Behaviour discriminators, intrinsic rewards and the diversity metric D.

@@ -1,0 +1,1 @@
+//! The six unseen crowds, paired episodes, metrics, intervals and reports.

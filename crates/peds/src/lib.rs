@@ -1,0 +1,1 @@
+//! Crowd models: ORCA, social force and learned pedestrians behind one trait.

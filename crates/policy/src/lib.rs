@@ -1,0 +1,1 @@
+//! The behaviour-conditioned actor and critic: definition, parameters, inference and gradients.
