@@ -1,0 +1,63 @@
+//! The one error type of this crate: what was found, what was expected, and where.
+
+use std::path::PathBuf;
+
+/// Everything that this crate refuses.
+#[derive(Debug, thiserror::Error)]
+pub enum PolicyError {
+    /// A field of a [`NetworkConfig`](crate::NetworkConfig) is out of bounds.
+    #[error("network configuration: {field}: found {found}, expected {expected}")]
+    Config {
+        /// The field's name.
+        field: &'static str,
+        /// The value that was given.
+        found: String,
+        /// What would be accepted.
+        expected: String,
+    },
+    /// Parameters do not fit the layout that they were given for.
+    #[error("parameters: {tensor}: found {found}, expected {expected}")]
+    Parameters {
+        /// The tensor (or "all" for the flat vector).
+        tensor: String,
+        /// What was given.
+        found: String,
+        /// What the layout asks for.
+        expected: String,
+    },
+    /// A batch does not fit the network.
+    #[error("batch: {field}: found {found}, expected {expected}")]
+    Batch {
+        /// The field of the batch.
+        field: &'static str,
+        /// What was given.
+        found: String,
+        /// What the network takes.
+        expected: String,
+    },
+    /// A file's content is not what it should be.
+    #[error("{}: {field}: found {found}, expected {expected}", file.display())]
+    File {
+        /// The file.
+        file: PathBuf,
+        /// The tensor, the metadata key or the part of the format.
+        field: String,
+        /// What stands there.
+        found: String,
+        /// What should stand there.
+        expected: String,
+    },
+    /// A file cannot be read or written at all.
+    #[error("{}: cannot {action}: {source}", file.display())]
+    Io {
+        /// The file.
+        file: PathBuf,
+        /// What was attempted.
+        action: &'static str,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// The device of the reference back end is not available, or refused an operation.
+    #[error("candle: {0}")]
+    Candle(#[from] candle_core::Error),
+}
