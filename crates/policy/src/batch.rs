@@ -67,7 +67,8 @@ impl<'a> Batch<'a> {
     ///
     /// [`PolicyError::Batch`] names the first field that does not fit.
     pub fn check(&self, width: usize, n_behaviours: usize) -> Result<(), PolicyError> {
-        let refuse = |field, found: String, expected: String| Err(PolicyError::Batch { field, found, expected });
+        let refuse =
+            |field, found: String, expected: String| Err(PolicyError::Batch { field, found, expected });
         if self.observations.len() != self.tokens.len() * width {
             let found = format!("{} values", self.observations.len());
             return refuse("observations", found, format!("{} rows of {width}", self.tokens.len()));

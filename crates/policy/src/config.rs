@@ -100,7 +100,11 @@ impl NetworkConfig {
         let total = largest.iter().fold(0_usize, |sum, size| sum.saturating_add(*size));
         if total > PARAMETERS_MAX {
             let expected = format!("at most {PARAMETERS_MAX} parameters");
-            return Err(PolicyError::Config { field: "sizes", found: format!("{total} parameters"), expected });
+            return Err(PolicyError::Config {
+                field: "sizes",
+                found: format!("{total} parameters"),
+                expected,
+            });
         }
         Ok(())
     }

@@ -37,7 +37,8 @@ impl Parameters {
             match entry.init {
                 Init::Uniform { fan_in } => {
                     let bound = 1.0 / (fan_in as f32).sqrt();
-                    let uniform = Uniform::new(-bound, bound).expect("a positive fan-in gives a finite bound");
+                    let uniform =
+                        Uniform::new(-bound, bound).expect("a positive fan-in gives a finite bound");
                     flat.extend((0..entry.len()).map(|_| uniform.sample(rng)));
                 }
                 Init::Normal => {
@@ -83,10 +84,10 @@ impl Parameters {
     /// [`PolicyError::Parameters`] with both shapes.
     pub fn check_layout(&self, expected: &Layout) -> Result<(), PolicyError> {
         let describe = |layout: &Layout, idx: usize| {
-            layout.entries().get(idx).map_or_else(
-                || "nothing".to_owned(),
-                |entry| format!("{} {:?}", entry.name, entry.shape),
-            )
+            layout
+                .entries()
+                .get(idx)
+                .map_or_else(|| "nothing".to_owned(), |entry| format!("{} {:?}", entry.name, entry.shape))
         };
         let n_entries = self.layout.entries().len().max(expected.entries().len());
         for idx in 0..n_entries {
