@@ -1,0 +1,232 @@
+//! Metrics of episodes and their summaries (paper, Table 4), in f64.
+//!
+//! Times and distances are compared with the straight way to the goal's edge at full speed, so they are defined for
+//! successful episodes alone: an episode that ended early has no arrival to compare.
+//!
+//! # References
+//!
+//! P. Long et al., "Towards Optimally Decentralized Multi-Robot Collision Avoidance via Deep Reinforcement
+//! Learning", ICRA 2018, section V-B, doi:10.1109/ICRA.2018.8461113.
+
+use serde::{Deserialize, Serialize};
+
+use crate::outcome::EpisodeOutcome;
+use crate::statistics::{Interval, wilson};
+
+/// What the metrics need to know of the task.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MetricScale {
+    /// Control period (s).
+    pub dt: f64,
+    /// Distance at which the goal counts as reached (m).
+    pub goal_radius: f64,
+    /// The robot's highest speed (m/s).
+    pub v_max: f64,
+}
+
+/// Metrics of one episode. The last three are `None` unless it succeeded.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EpisodeMetrics {
+    /// Duration (s).
+    pub time: f64,
+    /// Length of the way travelled (m).
+    pub path_length: f64,
+    /// Distance from the start to the goal's centre (m).
+    pub straight_distance: f64,
+    /// Time beyond the straight way at full speed (s).
+    pub extra_time: Option<f64>,
+    /// Way beyond the straight one (m); a little below 0 is rounding, since no way is shorter than the straight one.
+    pub extra_distance: Option<f64>,
+    /// Way over time (m/s); `None` also for an episode without a step.
+    pub average_speed: Option<f64>,
+}
+
+impl EpisodeMetrics {
+    /// Metrics from an episode's totals.
+    ///
+    /// # Formula
+    ///
+    /// extra time = T − (d₀ − `r_goal`)/`v_max`; extra distance = L − (d₀ − `r_goal`); average speed = L/T.
+    pub fn from_totals(
+        scale: &MetricScale,
+        outcome: EpisodeOutcome,
+        steps: u64,
+        path_length: f64,
+        straight_distance: f64,
+    ) -> Self {
+        let time = scale.dt * steps as f64;
+        let to_edge = straight_distance - scale.goal_radius;
+        let success = outcome == EpisodeOutcome::Success;
+        Self {
+            time,
+            path_length,
+            straight_distance,
+            extra_time: success.then(|| time - to_edge / scale.v_max),
+            extra_distance: success.then(|| path_length - to_edge),
+            average_speed: (success && steps > 0).then(|| path_length / time),
+        }
+    }
+
+    /// Metrics from the positions of an episode, the first being its start.
+    ///
+    /// # Panics
+    ///
+    /// If `positions` is empty.
+    pub fn from_positions(
+        scale: &MetricScale,
+        outcome: EpisodeOutcome,
+        positions: &[[f64; 2]],
+        goal: [f64; 2],
+    ) -> Self {
+        let path_length = positions.windows(2).map(|pair| distance(pair[0], pair[1])).sum();
+        let straight = distance(positions[0], goal);
+        Self::from_totals(scale, outcome, positions.len() as u64 - 1, path_length, straight)
+    }
+}
+
+/// Euclidean distance.
+pub fn distance(from: [f64; 2], to: [f64; 2]) -> f64 {
+    (to[0] - from[0]).hypot(to[1] - from[1])
+}
+
+/// Mean and sample standard deviation.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MeanStd {
+    /// Mean; `None` without a value.
+    pub mean: Option<f64>,
+    /// Sample standard deviation (n − 1); `None` for fewer than two values.
+    pub std: Option<f64>,
+}
+
+impl MeanStd {
+    /// Of a list of values, summed in its order, in two passes.
+    pub fn of(values: &[f64]) -> Self {
+        let n = values.len() as f64;
+        if values.is_empty() {
+            return Self { mean: None, std: None };
+        }
+        let mean = values.iter().sum::<f64>() / n;
+        let squares: f64 = values.iter().map(|value| (value - mean) * (value - mean)).sum();
+        let std = (values.len() > 1).then(|| (squares / (n - 1.0)).sqrt());
+        Self { mean: Some(mean), std }
+    }
+}
+
+/// The check that no episode travelled farther than its time allows.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DistanceCheck {
+    /// Largest extra distance − `v_max` · extra time over the successes (m); `None` without one.
+    pub worst: Option<f64>,
+    /// Successful episodes in which it exceeds [`DistanceCheck::TOLERANCE`].
+    pub violations: u64,
+}
+
+impl DistanceCheck {
+    /// What rounding may add (m).
+    pub const TOLERANCE: f64 = 1e-6;
+
+    /// Whether no episode breaks the bound.
+    pub fn holds(&self) -> bool {
+        self.violations == 0
+    }
+}
+
+/// Counts, rate, interval and means over a set of episodes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Summary {
+    /// Number of episodes.
+    pub episodes: u64,
+    /// Goal reached.
+    pub success: u64,
+    /// Crashed into a wall or a static obstacle.
+    pub collision_wall: u64,
+    /// Crashed into a pedestrian.
+    pub collision_pedestrian: u64,
+    /// Ran out of steps.
+    pub timeout: u64,
+    /// Share of successes; `None` without episodes.
+    pub success_rate: Option<f64>,
+    /// Its 95 % Wilson interval.
+    pub wilson_95: Option<Interval>,
+    /// Extra time over the successes (s).
+    pub extra_time: MeanStd,
+    /// Extra distance over the successes (m).
+    pub extra_distance: MeanStd,
+    /// Average speed over the successes (m/s).
+    pub average_speed: MeanStd,
+    /// Extra distance ≤ `v_max` · extra time.
+    pub distance_check: DistanceCheck,
+}
+
+impl Summary {
+    /// Summary of episodes in the given order.
+    pub fn of<'a>(
+        v_max: f64,
+        episodes: impl IntoIterator<Item = (EpisodeOutcome, &'a EpisodeMetrics)>,
+    ) -> Self {
+        let mut counts = [0_u64; EpisodeOutcome::ALL.len()];
+        let (mut times, mut distances, mut speeds) = (Vec::new(), Vec::new(), Vec::new());
+        let mut check = DistanceCheck { worst: None, violations: 0 };
+        for (outcome, metrics) in episodes {
+            counts[outcome as usize] += 1;
+            times.extend(metrics.extra_time);
+            distances.extend(metrics.extra_distance);
+            speeds.extend(metrics.average_speed);
+            if let (Some(time), Some(distance)) = (metrics.extra_time, metrics.extra_distance) {
+                let excess = distance - v_max * time;
+                check.worst = Some(check.worst.map_or(excess, |worst: f64| worst.max(excess)));
+                check.violations += u64::from(excess > DistanceCheck::TOLERANCE);
+            }
+        }
+        let [success, collision_wall, collision_pedestrian, timeout] = counts;
+        let episodes = counts.iter().sum();
+        Self {
+            episodes,
+            success,
+            collision_wall,
+            collision_pedestrian,
+            timeout,
+            success_rate: (episodes > 0).then(|| success as f64 / episodes as f64),
+            wilson_95: wilson(success, episodes),
+            extra_time: MeanStd::of(&times),
+            extra_distance: MeanStd::of(&distances),
+            average_speed: MeanStd::of(&speeds),
+            distance_check: check,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SCALE: MetricScale = MetricScale { dt: 0.5, goal_radius: 0.5, v_max: 2.0 };
+
+    #[test]
+    fn one_success_by_hand() {
+        let positions = [[0.0, 0.0], [3.0, 4.0], [3.0, 7.5]];
+        let metrics = EpisodeMetrics::from_positions(&SCALE, EpisodeOutcome::Success, &positions, [3.0, 8.0]);
+        assert_eq!(metrics.time, 1.0);
+        assert_eq!(metrics.path_length, 8.5);
+        let to_edge = 73.0_f64.sqrt() - 0.5;
+        assert_eq!(metrics.extra_time, Some(1.0 - to_edge / 2.0));
+        assert_eq!(metrics.extra_distance, Some(8.5 - to_edge));
+        assert_eq!(metrics.average_speed, Some(8.5));
+        // 8.5 m in 1 s at 2 m/s: the check must see it.
+        let summary = Summary::of(2.0, [(EpisodeOutcome::Success, &metrics)]);
+        assert_eq!(summary.distance_check.violations, 1);
+        assert!((summary.distance_check.worst.unwrap() - 6.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_failure_has_no_extras_and_one_value_no_spread() {
+        let failed = EpisodeMetrics::from_positions(&SCALE, EpisodeOutcome::Timeout, &[[0.0; 2]], [1.0, 0.0]);
+        assert_eq!((failed.extra_time, failed.extra_distance, failed.average_speed), (None, None, None));
+        let summary = Summary::of(2.0, [(EpisodeOutcome::Timeout, &failed)]);
+        assert_eq!((summary.timeout, summary.success_rate), (1, Some(0.0)));
+        assert_eq!(summary.extra_time, MeanStd { mean: None, std: None });
+        assert_eq!(MeanStd::of(&[2.0]), MeanStd { mean: Some(2.0), std: None });
+        assert_eq!(MeanStd::of(&[1.0, 3.0]), MeanStd { mean: Some(2.0), std: Some(2.0_f64.sqrt()) });
+        assert_eq!(Summary::of(1.0, []).success_rate, None);
+    }
+}
