@@ -1,0 +1,93 @@
+//! What evaluation refuses: where, what was found, what was expected.
+
+use std::path::PathBuf;
+
+use jostle_peds::{CrowdKind, PedsError};
+use jostle_policy::PolicyError;
+use jostle_sim::SimError;
+
+/// Error of this crate.
+#[derive(Debug, thiserror::Error)]
+pub enum EvalError {
+    /// A setting is outside its range.
+    #[error("{field}: found {found}, expected {expected}")]
+    Setting {
+        /// Name of the setting.
+        field: &'static str,
+        /// The value given.
+        found: String,
+        /// What would be accepted.
+        expected: String,
+    },
+    /// A learned crowd was asked for without policies to drive it.
+    #[error("crowd {crowd} needs a pool of pedestrian policies; found none")]
+    EmptyPool {
+        /// The crowd.
+        crowd: CrowdKind,
+    },
+    /// A line of a record file is not a record.
+    #[error("{}: line {line}: {problem}", file.display())]
+    Record {
+        /// The file.
+        file: PathBuf,
+        /// Line number, from 1.
+        line: usize,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// A record file holds records of another cell.
+    #[error("{}: holds cell {found}, expected {expected}; it is left as it is", file.display())]
+    OtherCell {
+        /// The file.
+        file: PathBuf,
+        /// Cell hash of its records.
+        found: String,
+        /// Cell hash asked for.
+        expected: String,
+    },
+    /// Another process is writing the record file.
+    #[error("{}: another run is writing this file", file.display())]
+    Locked {
+        /// The file.
+        file: PathBuf,
+    },
+    /// A file cannot be read or written.
+    #[error("{}: cannot {action}: {source}", file.display())]
+    Io {
+        /// The file.
+        file: PathBuf,
+        /// What was attempted.
+        action: &'static str,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// The robot's policy gave an action that is not a finite number.
+    #[error("episode {episode}, step {step}: the robot's action is ({v}, {w}); expected finite numbers")]
+    Action {
+        /// Episode index.
+        episode: u64,
+        /// Step within it.
+        step: u32,
+        /// Linear part.
+        v: f32,
+        /// Angular part.
+        w: f32,
+    },
+    /// The simulator refused.
+    #[error(transparent)]
+    Sim(#[from] SimError),
+    /// A crowd refused.
+    #[error(transparent)]
+    Peds(#[from] PedsError),
+    /// A policy or its file was refused.
+    #[error(transparent)]
+    Policy(#[from] PolicyError),
+}
+
+impl EvalError {
+    /// For `map_err` on file operations.
+    pub(crate) fn io(file: &std::path::Path, action: &'static str) -> impl FnOnce(std::io::Error) -> Self {
+        let file = file.to_path_buf();
+        move |source| Self::Io { file, action, source }
+    }
+}

@@ -1,0 +1,77 @@
+//! One cell: a policy with one token in one crowd.
+
+use jostle_peds::CrowdKind;
+use serde::{Deserialize, Serialize};
+
+use crate::identity::PolicyIdentity;
+use crate::metrics::Summary;
+use crate::outcome::EpisodeOutcome;
+use crate::records::EpisodeRecord;
+use crate::statistics::{Interval, Mcnemar, PairedCounts, paired_difference};
+
+/// Which policies drove the pedestrians.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PoolNote {
+    /// In their order; pedestrian i is driven by policy i modulo their number.
+    pub policies: Vec<PolicyIdentity>,
+    /// Number of pedestrians in a room.
+    pub n_pedestrians: usize,
+}
+
+impl PoolNote {
+    /// Whether there are more pedestrians than policies, so that some share one.
+    pub fn is_cycled(&self) -> bool {
+        self.policies.len() < self.n_pedestrians
+    }
+}
+
+/// A paired comparison with a baseline on the same episodes; the baseline is the first of the pair.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Comparison {
+    /// Successes of the pair.
+    pub counts: PairedCounts,
+    /// p-values.
+    pub mcnemar: Mcnemar,
+    /// 95 % interval of (this rate − the baseline's).
+    pub difference: Option<Interval>,
+}
+
+impl Comparison {
+    /// Compares two lists of records; `None` unless both hold the same number of episodes.
+    pub fn of(baseline: &[EpisodeRecord], records: &[EpisodeRecord]) -> Option<Self> {
+        let successes = |records: &[EpisodeRecord]| -> Vec<bool> {
+            records.iter().map(|record| record.outcome == EpisodeOutcome::Success).collect()
+        };
+        let counts = PairedCounts::count(&successes(baseline), &successes(records))?;
+        Some(Self { counts, mcnemar: counts.mcnemar(), difference: paired_difference(&counts) })
+    }
+}
+
+/// The result of a cell.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CellResult {
+    /// The crowd.
+    pub crowd: CrowdKind,
+    /// Hash of the cell's key.
+    pub cell: String,
+    /// Counts, interval, metrics.
+    pub summary: Summary,
+    /// The pedestrians' policies; `None` for crowds without.
+    pub pool: Option<PoolNote>,
+    /// Against the table's baseline, where there is one.
+    pub versus_baseline: Option<Comparison>,
+}
+
+impl CellResult {
+    /// Result of a cell's records.
+    pub fn new(
+        crowd: CrowdKind,
+        cell: String,
+        v_max: f64,
+        records: &[EpisodeRecord],
+        pool: Option<PoolNote>,
+    ) -> Self {
+        let episodes = records.iter().map(|record| (record.outcome, &record.metrics));
+        Self { crowd, cell, summary: Summary::of(v_max, episodes), pool, versus_baseline: None }
+    }
+}

@@ -1,0 +1,160 @@
+//! One policy in detail: outcomes with intervals and metrics, a row per crowd.
+
+use std::fmt::Write as _;
+
+use serde::{Deserialize, Serialize};
+
+use super::cell::CellResult;
+use super::grid::{Grid, csv_line, number};
+use super::table::{cell_notes, provenance};
+use crate::identity::PolicyIdentity;
+use crate::metrics::MeanStd;
+use crate::statistics::{Interval, wilson};
+
+/// A policy with one token among some crowds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Evaluation {
+    /// The robot's policy.
+    pub policy: PolicyIdentity,
+    /// Its behaviour token.
+    pub token: u32,
+    /// One robot and `n_agents` − 1 pedestrians.
+    pub n_agents: usize,
+    /// A result per crowd.
+    pub cells: Vec<CellResult>,
+}
+
+impl Evaluation {
+    /// For a terminal.
+    pub fn text(&self) -> String {
+        let mut text = format!("{}\n\n{}\n", self.head(), self.grid().text());
+        for note in self.notes() {
+            let _ = writeln!(text, "{note}");
+        }
+        text
+    }
+
+    /// As Markdown.
+    pub fn markdown(&self) -> String {
+        let mut text = format!("{}\n\n{}\n", self.head(), self.grid().markdown());
+        for note in self.notes() {
+            let _ = writeln!(text, "- {note}");
+        }
+        text
+    }
+
+    /// As JSON, with everything.
+    pub fn json(&self) -> String {
+        serde_json::to_string_pretty(self).expect("an evaluation is always JSON") + "\n"
+    }
+
+    /// As CSV, a line per crowd.
+    pub fn csv(&self) -> String {
+        let mut text = csv_line([
+            "crowd",
+            "token",
+            "n_agents",
+            "episodes",
+            "success",
+            "collision_wall",
+            "collision_pedestrian",
+            "timeout",
+            "success_rate",
+            "low_95",
+            "high_95",
+            "extra_time_mean",
+            "extra_time_std",
+            "extra_distance_mean",
+            "extra_distance_std",
+            "average_speed_mean",
+            "average_speed_std",
+            "policy",
+            "cell",
+        ]);
+        let float = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
+        for cell in &self.cells {
+            let s = &cell.summary;
+            let mut fields = vec![cell.crowd.to_string(), self.token.to_string(), self.n_agents.to_string()];
+            let counts = [s.episodes, s.success, s.collision_wall, s.collision_pedestrian, s.timeout];
+            fields.extend(counts.map(|count| count.to_string()));
+            let ends = [s.wilson_95.map(|ends| ends.low), s.wilson_95.map(|ends| ends.high)];
+            fields.extend([s.success_rate, ends[0], ends[1]].map(float));
+            for value in [s.extra_time, s.extra_distance, s.average_speed] {
+                fields.extend([value.mean, value.std].map(float));
+            }
+            fields.extend([self.policy.sha256.clone(), cell.cell.clone()]);
+            text += &csv_line(fields);
+        }
+        text
+    }
+
+    fn head(&self) -> String {
+        format!("{}, z = {}, N = {}", provenance(&self.policy), self.token, self.n_agents)
+    }
+
+    fn grid(&self) -> Grid {
+        let mut grid = Grid::new([
+            "crowd",
+            "episodes",
+            "success",
+            "hit wall",
+            "hit pedestrian",
+            "timeout",
+            "extra time (s)",
+            "extra distance (m)",
+            "speed (m/s)",
+        ]);
+        for cell in &self.cells {
+            let s = &cell.summary;
+            let share = |count| with_interval(count, s.episodes);
+            grid.push(
+                false,
+                vec![
+                    cell.crowd.to_string(),
+                    s.episodes.to_string(),
+                    share(s.success),
+                    share(s.collision_wall),
+                    share(s.collision_pedestrian),
+                    share(s.timeout),
+                    mean_std(s.extra_time, 2),
+                    mean_std(s.extra_distance, 2),
+                    mean_std(s.average_speed, 3),
+                ],
+            );
+        }
+        grid
+    }
+
+    fn notes(&self) -> Vec<String> {
+        let mut notes = vec![
+            "Shares of the episodes with 95 % Wilson intervals; times, distances and speeds are means ± sample \
+             standard deviations over the successes."
+                .to_owned(),
+        ];
+        for cell in &self.cells {
+            let label = cell.crowd.to_string();
+            if let Some(pool) = &cell.pool {
+                let policies: Vec<String> = pool.policies.iter().map(provenance).collect();
+                notes.push(format!("{label}: pedestrians driven by {}", policies.join("; ")));
+            }
+            notes.extend(cell_notes(&label, cell));
+        }
+        notes
+    }
+}
+
+fn with_interval(count: u64, episodes: u64) -> String {
+    match wilson(count, episodes) {
+        Some(Interval { low, high }) => {
+            format!("{:.3} ({low:.3}–{high:.3})", count as f64 / episodes as f64)
+        }
+        None => "–".to_owned(),
+    }
+}
+
+fn mean_std(value: MeanStd, decimals: usize) -> String {
+    match (value.mean, value.std) {
+        (None, _) => "–".to_owned(),
+        (mean, std) => format!("{} ± {}", number(mean, decimals), number(std, decimals)),
+    }
+}
