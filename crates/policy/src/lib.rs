@@ -1,21 +1,38 @@
 //! The behaviour-conditioned actor and critic: definition, parameters, inference and gradients.
 //!
 //! Reading order: [`observation`] (what goes in), [`config`] and [`layout`] (sizes, names, shapes), [`Parameters`],
-//! [`Network`] (what every back end does).
+//! [`reference::model`] (the networks, layer by layer), [`Network`] (what every back end does), [`backend`] (the one
+//! place that chooses one), [`DiagonalGaussian`] (the distribution over actions), [`PolicyFile`] (a trained policy on
+//! disk).
 
-#![forbid(unsafe_code)]
+// Not `forbid`: vector kernels may ask for an exception, justified where it stands.
+#![deny(unsafe_code)]
 
+pub mod backend;
 pub mod batch;
+mod checksum;
 pub mod config;
 pub mod error;
+pub mod file;
+pub mod gaussian;
 pub mod layout;
 pub mod network;
 pub mod observation;
 pub mod parameters;
+pub mod provenance;
+pub mod reference;
+pub mod tensor_file;
+pub mod tensor_write;
 
+pub use backend::{actor, critic};
 pub use batch::Batch;
 pub use config::NetworkConfig;
 pub use error::PolicyError;
+pub use file::{PolicyFile, Precision};
+pub use gaussian::DiagonalGaussian;
 pub use layout::Layout;
 pub use network::{Backend, Network};
 pub use parameters::Parameters;
+pub use provenance::Provenance;
+pub use tensor_file::TensorFile;
+pub use tensor_write::{TensorOut, Values, write_tensors};

@@ -1,0 +1,24 @@
+//! The small layers of the model.
+
+use candle_core::{Result, Tensor};
+
+use super::Weights;
+
+/// y = x·Wᵀ + b with PyTorch's `W` `[outputs, inputs]`.
+///
+/// # Shapes
+///
+/// `xs` [B, inputs] → [B, outputs]
+pub fn linear(xs: &Tensor, weights: &Weights, name: &str) -> Result<Tensor> {
+    let weight = weights.get(&format!("{name}.weight"))?;
+    let bias = weights.get(&format!("{name}.bias"))?;
+    xs.matmul(&weight.t()?)?.broadcast_add(bias)
+}
+
+/// max(x, 0), with gradient 0 at 0.
+///
+/// candle's own `relu` has gradient 1 there; PyTorch's, whose numbers we are compared with, 0.
+pub fn relu(xs: &Tensor) -> Result<Tensor> {
+    let positive = xs.detach().gt(0_f32)?.to_dtype(xs.dtype())?;
+    xs * positive
+}

@@ -1,0 +1,49 @@
+//! Initial parameters: their bounds, and their bits.
+
+use jostle_policy::layout::Init;
+use jostle_policy::{NetworkConfig, Parameters};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use sha2::{Digest, Sha256};
+
+fn actor(seed: u64) -> Parameters {
+    let config = NetworkConfig { log_std_init: -0.5, ..NetworkConfig::default() };
+    Parameters::actor(&config, &mut ChaCha8Rng::seed_from_u64(seed))
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bits() {
+    let bytes: Vec<u8> = actor(1).flat().iter().flat_map(|value| value.to_le_bytes()).collect();
+    let hash: String = Sha256::digest(bytes).iter().take(8).map(|byte| format!("{byte:02x}")).collect();
+    // If this changes, every seed's run changes: say so under "Numbers" in the changelog, and paste the new hash here.
+    assert_eq!(hash, "c4083cd9ebde6b5a");
+    assert_ne!(actor(1), actor(2));
+}
+
+#[test]
+fn tensors_are_filled_as_pytorch_fills_them() {
+    let parameters = actor(3);
+    for entry in parameters.layout().entries() {
+        let values = parameters.get(&entry.name).unwrap();
+        let mean_square =
+            values.iter().map(|value| f64::from(value * value)).sum::<f64>() / values.len() as f64;
+        match entry.init {
+            Init::Uniform { fan_in } => {
+                let bound = 1.0 / (fan_in as f32).sqrt();
+                assert!(values.iter().all(|value| value.abs() <= bound), "{}", entry.name);
+                if values.len() > 1000 {
+                    let ratio = mean_square * 3.0 * fan_in as f64;
+                    assert!((ratio - 1.0).abs() < 0.05, "{}: {ratio}", entry.name);
+                }
+            }
+            Init::Normal => assert!((mean_square - 1.0).abs() < 0.5, "{}: {mean_square}", entry.name),
+            Init::Constant(value) => assert_eq!(values, [value; 2]),
+        }
+    }
+    let fan_in = |name: &str| parameters.layout().entry(name).unwrap().init;
+    assert_eq!(fan_in("conv1.bias"), Init::Uniform { fan_in: 15 });
+    assert_eq!(fan_in("conv2.weight"), Init::Uniform { fan_in: 96 });
+    assert_eq!(fan_in("fc1.weight"), Init::Uniform { fan_in: 4096 });
+    assert_eq!(fan_in("fc2.bias"), Init::Uniform { fan_in: 292 });
+    assert_eq!(parameters.get("log_std"), Some(&[-0.5, -0.5][..]));
+}
