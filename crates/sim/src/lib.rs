@@ -1,1 +1,49 @@
 //! A fast, deterministic 2D world of laser robots among people, and the decision process on top of it.
+//!
+//! Reading order: [`SimConfig`]; [`World`] (poses, motion, overlaps); the laser; observation, reward, spawn; and
+//! [`Rooms`], which puts them together for the learner.
+//!
+//! Architecture invariants: the world knows no reward; no result depends on the clock, on the number of threads, on CPU
+//! features or on the order of a hash map; after construction the hot path neither fails nor allocates.
+
+// `forbid` is not possible here: `laser::dispatch` calls functions compiled for CPU features found at run time.
+#![deny(unsafe_code)]
+
+mod config;
+mod episode;
+mod error;
+mod geometry;
+mod laser;
+pub mod maps;
+mod motion;
+mod observation;
+mod reward;
+mod rng;
+mod room;
+mod rooms;
+mod scenario;
+mod solid;
+mod spawn;
+mod state;
+mod trig;
+mod world;
+
+pub use config::{
+    AccelerationLimits, EXTRAS, EpisodeConfig, FRAMES, LaserConfig, LaserKernel, OBSERVATION_LEN,
+    RewardConfig, RobotConfig, RoomConfig, SafetyZoneConfig, SimConfig, SpawnConfig,
+};
+pub use episode::{EpisodeSummary, Outcome, StepEnd};
+pub use error::SimError;
+pub use geometry::{Pose, Shape};
+pub use laser::{Hit, Laser, NoiseSource, ScanScene, ScanSummary, SceneScan, Sensor};
+pub use motion::{Motion, apply_limits, clip_action};
+pub use observation::Observer;
+pub use reward::{ZoneBody, outcome, reward, safety_zone};
+pub use rng::{StreamRng, Streams};
+pub use room::crash;
+pub use rooms::{Rooms, RoomsMut, Transition};
+pub use scenario::Scenario;
+pub use spawn::Spawner;
+pub use state::RoomsState;
+pub use trig::wrap_angle;
+pub use world::World;

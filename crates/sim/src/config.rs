@@ -1,0 +1,217 @@
+//! The simulator's configuration: every number of the world and of the decision process, with its default.
+//!
+//! Defaults are the paper's (Sec. V-A and the reward of Sec. IV) and, where it is silent, those of its lineage
+//! (Long et al. 2018, arXiv:1709.10082). [`SimConfig::validate`] is the only gate: what has passed it cannot fail later
+//! for a reason of range or type.
+
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+
+mod check;
+
+/// Frames in an observation.
+pub const FRAMES: usize = 3;
+/// Numbers in an observation beside the scans: goal x, goal y, v, ω.
+pub const EXTRAS: usize = 4;
+/// Length of an observation row at the default 512 beams.
+pub const OBSERVATION_LEN: usize = FRAMES * 512 + EXTRAS;
+
+/// Everything the simulator needs to know; the `[sim]` part of a training file.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SimConfig {
+    /// Where the robots live.
+    pub room: RoomConfig,
+    /// Body, commands and limits of a robot.
+    pub robot: RobotConfig,
+    /// The laser scanner.
+    pub laser: LaserConfig,
+    /// When an episode ends.
+    pub episode: EpisodeConfig,
+    /// Where robots and goals appear.
+    pub spawn: SpawnConfig,
+    /// What a step is worth.
+    pub reward: RewardConfig,
+}
+
+impl SimConfig {
+    /// Length of one observation row: three scans, the goal and the velocity.
+    pub fn observation_len(&self) -> usize {
+        FRAMES * self.laser.beams + EXTRAS
+    }
+}
+
+/// Where the robots live: a rectangle centred on the origin, or a map file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RoomConfig {
+    /// Extent along x, m. Unused when a map is given.
+    pub width: f32,
+    /// Extent along y, m. Unused when a map is given.
+    pub height: f32,
+    /// A polygon map (`.toml`, `.json`) or a ROS `map.yaml` that replaces the rectangle.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub map: Option<PathBuf>,
+}
+
+impl Default for RoomConfig {
+    fn default() -> Self {
+        Self { width: 20.0, height: 20.0, map: None }
+    }
+}
+
+/// Body and commands of a differential-drive robot.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RobotConfig {
+    /// Extent of the body along its heading, m.
+    pub length: f32,
+    /// Extent of the body across its heading, m.
+    pub width: f32,
+    /// Largest linear velocity, m/s; the least is 0.
+    pub v_max: f32,
+    /// Largest angular velocity either way, rad/s.
+    pub w_max: f32,
+    /// Switch: limits on how fast the velocity changes. Absent: a command acts at once (Stage's velocity mode).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub acceleration: Option<AccelerationLimits>,
+}
+
+impl Default for RobotConfig {
+    fn default() -> Self {
+        Self { length: 0.5, width: 0.5, v_max: 1.0, w_max: 1.0, acceleration: None }
+    }
+}
+
+/// Largest change of the velocity, either way.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AccelerationLimits {
+    /// Linear, m/s².
+    pub v: f32,
+    /// Angular, rad/s².
+    pub w: f32,
+}
+
+/// The laser: `beams` over the full circle, beam 0 straight ahead, counter-clockwise, from the body's centre.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LaserConfig {
+    /// Beams over 360°.
+    pub beams: usize,
+    /// A beam that meets nothing within this distance reads exactly this, m.
+    pub range: f32,
+    /// Standard deviation of the Gaussian noise on in-range returns, m; 0 turns it off.
+    pub noise_std: f32,
+    /// Which code casts the beams.
+    pub kernel: LaserKernel,
+}
+
+impl Default for LaserConfig {
+    fn default() -> Self {
+        Self { beams: 512, range: 10.0, noise_std: 0.02, kernel: LaserKernel::Analytic }
+    }
+}
+
+/// How beams are cast. Both give the same ranges within 1e-4 m.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum LaserKernel {
+    /// Closed forms for walls, edges and circles over eight beams at a time.
+    #[default]
+    Analytic,
+    /// parry's ray casts, one beam after the other: the oracle.
+    Parry,
+}
+
+/// When an episode ends.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct EpisodeConfig {
+    /// The goal is reached nearer than this, m. (Long et al. use 0.1.)
+    pub goal_radius: f32,
+    /// A robot whose least noise-free range is below this has crashed, m.
+    pub crash_range: f32,
+    /// An episode that lasts this many steps is truncated.
+    pub step_limit: u32,
+    /// Control period, s.
+    pub dt: f32,
+}
+
+impl Default for EpisodeConfig {
+    fn default() -> Self {
+        Self { goal_radius: 0.5, crash_range: 0.5, step_limit: 400, dt: 0.1 }
+    }
+}
+
+/// Where robots and goals appear.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SpawnConfig {
+    /// Least distance of a start or goal from walls and obstacles, m.
+    pub wall_clearance: f32,
+    /// Least distance of a start from every other body's centre, m.
+    pub body_clearance: f32,
+    /// Least distance of a goal from its start, m.
+    pub goal_distance: f32,
+}
+
+impl Default for SpawnConfig {
+    fn default() -> Self {
+        Self { wall_clearance: 1.0, body_clearance: 1.0, goal_distance: 10.0 }
+    }
+}
+
+/// What a step is worth.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RewardConfig {
+    /// Reward of reaching the goal.
+    pub goal: f32,
+    /// Reward (a negative number) of a crash.
+    pub collision: f32,
+    /// Per metre of progress towards the goal.
+    pub progress: f32,
+    /// Per rad/s of turning faster than the threshold (a negative number).
+    pub rotation: f32,
+    /// Turning rate above which rotation counts, rad/s.
+    pub rotation_threshold: f32,
+    /// Switch: the safety-zone baseline (Jin-style).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub safety_zone: Option<SafetyZoneConfig>,
+}
+
+impl Default for RewardConfig {
+    fn default() -> Self {
+        Self {
+            goal: 15.0,
+            collision: -15.0,
+            progress: 2.5,
+            rotation: -0.1,
+            rotation_threshold: 0.7,
+            safety_zone: None,
+        }
+    }
+}
+
+/// The safety-zone terms, after Jin et al. 2020 (arXiv:1911.03074), whose constants are not public.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SafetyZoneConfig {
+    /// Radius of the ego zone `d_e`, m.
+    pub ego_radius: f32,
+    /// Weight of the ego term `w_e`, per metre and step.
+    pub ego_weight: f32,
+    /// Radius of a standing body's social zone, m.
+    pub social_radius: f32,
+    /// How far ahead a moving body's zone stretches, s.
+    pub social_horizon: f32,
+    /// Weight of the social term `w_s`, per unit of overlap and step.
+    pub social_weight: f32,
+}
+
+impl Default for SafetyZoneConfig {
+    fn default() -> Self {
+        Self { ego_radius: 1.2, ego_weight: 0.3, social_radius: 0.4, social_horizon: 1.0, social_weight: 0.3 }
+    }
+}

@@ -1,0 +1,143 @@
+//! Validation of a [`SimConfig`]: the first field out of range is named with what was found and expected.
+
+use super::{LaserConfig, RewardConfig, SafetyZoneConfig, SimConfig, SpawnConfig};
+use crate::error::SimError;
+
+/// Most beams a laser may have; the culling's angles are good to a quarter of the spacing at this count.
+const BEAMS_MAX: usize = 8192;
+
+/// `value` must lie in [low, high]; NaN never does.
+fn within(field: &str, value: f32, low: f32, high: f32) -> Result<(), SimError> {
+    if value >= low && value <= high {
+        return Ok(());
+    }
+    Err(SimError::field(field, value, format!("a number in [{low}, {high}]")))
+}
+
+/// `value` must lie in (0, high].
+fn positive(field: &str, value: f32, high: f32) -> Result<(), SimError> {
+    if value > 0.0 && value <= high {
+        return Ok(());
+    }
+    Err(SimError::field(field, value, format!("a number in (0, {high}]")))
+}
+
+impl SimConfig {
+    /// Checks every field.
+    ///
+    /// # Errors
+    ///
+    /// [`SimError::Field`] for the first field that is out of range.
+    pub fn validate(&self) -> Result<(), SimError> {
+        if self.room.map.is_none() {
+            positive("room.width", self.room.width, 1000.0)?;
+            positive("room.height", self.room.height, 1000.0)?;
+        }
+        positive("robot.length", self.robot.length, 100.0)?;
+        positive("robot.width", self.robot.width, 100.0)?;
+        positive("robot.v_max", self.robot.v_max, 100.0)?;
+        positive("robot.w_max", self.robot.w_max, 100.0)?;
+        if let Some(limits) = &self.robot.acceleration {
+            positive("robot.acceleration.v", limits.v, 1e6)?;
+            positive("robot.acceleration.w", limits.w, 1e6)?;
+        }
+        self.laser.validate()?;
+        positive("episode.goal_radius", self.episode.goal_radius, 100.0)?;
+        within("episode.crash_range", self.episode.crash_range, 0.0, self.laser.range)?;
+        positive("episode.dt", self.episode.dt, 10.0)?;
+        if self.episode.step_limit == 0 {
+            return Err(SimError::field("episode.step_limit", 0, "at least 1"));
+        }
+        self.spawn.validate()?;
+        self.reward.validate()
+    }
+}
+
+impl LaserConfig {
+    /// Checks the laser's fields.
+    ///
+    /// # Errors
+    ///
+    /// [`SimError::Field`] for the first field that is out of range.
+    pub fn validate(&self) -> Result<(), SimError> {
+        if self.beams == 0 || self.beams > BEAMS_MAX {
+            return Err(SimError::field(
+                "laser.beams",
+                self.beams,
+                format!("an integer in [1, {BEAMS_MAX}]"),
+            ));
+        }
+        positive("laser.range", self.range, 1000.0)?;
+        within("laser.noise_std", self.noise_std, 0.0, 100.0)
+    }
+}
+
+impl SpawnConfig {
+    fn validate(&self) -> Result<(), SimError> {
+        within("spawn.wall_clearance", self.wall_clearance, 0.0, 1000.0)?;
+        within("spawn.body_clearance", self.body_clearance, 0.0, 1000.0)?;
+        within("spawn.goal_distance", self.goal_distance, 0.0, 1000.0)
+    }
+}
+
+impl RewardConfig {
+    fn validate(&self) -> Result<(), SimError> {
+        within("reward.goal", self.goal, 0.0, 1e6)?;
+        within("reward.collision", self.collision, -1e6, 0.0)?;
+        within("reward.progress", self.progress, 0.0, 1e6)?;
+        within("reward.rotation", self.rotation, -1e6, 0.0)?;
+        within("reward.rotation_threshold", self.rotation_threshold, 0.0, 1e6)?;
+        self.safety_zone.as_ref().map_or(Ok(()), SafetyZoneConfig::validate)
+    }
+}
+
+impl SafetyZoneConfig {
+    fn validate(&self) -> Result<(), SimError> {
+        within("reward.safety_zone.ego_radius", self.ego_radius, 0.0, 1000.0)?;
+        within("reward.safety_zone.ego_weight", self.ego_weight, 0.0, 1e6)?;
+        positive("reward.safety_zone.social_radius", self.social_radius, 1000.0)?;
+        within("reward.safety_zone.social_horizon", self.social_horizon, 0.0, 1000.0)?;
+        within("reward.safety_zone.social_weight", self.social_weight, 0.0, 1e6)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[track_caller]
+    fn check(toml: &str, expected: &str) {
+        let config: SimConfig = toml::from_str(toml).expect("well-formed");
+        let message = config.validate().expect_err("out of range").to_string();
+        assert_eq!(message, expected);
+    }
+
+    #[test]
+    fn defaults_are_valid_and_survive_toml_and_json() {
+        let config = SimConfig::default();
+        assert_eq!(config.validate(), Ok(()));
+        assert_eq!(config.observation_len(), 1540);
+        let text = toml::to_string(&config).expect("toml");
+        assert_eq!(toml::from_str::<SimConfig>(&text).expect("toml"), config);
+        let text = serde_json::to_string(&config).expect("json");
+        assert_eq!(serde_json::from_str::<SimConfig>(&text).expect("json"), config);
+    }
+
+    #[test]
+    fn messages_name_field_found_and_expected() {
+        check("[laser]\nbeams = 0", "laser.beams: found 0, expected an integer in [1, 8192]");
+        check("[laser]\nnoise_std = -1.0", "laser.noise_std: found -1, expected a number in [0, 100]");
+        check("[robot]\nv_max = nan", "robot.v_max: found NaN, expected a number in (0, 100]");
+        check("[episode]\nstep_limit = 0", "episode.step_limit: found 0, expected at least 1");
+        check(
+            "[reward.safety_zone]\nego_weight = -1.0",
+            "reward.safety_zone.ego_weight: found -1, expected a number in [0, 1000000]",
+        );
+    }
+
+    #[test]
+    fn unknown_fields_are_refused() {
+        assert!(toml::from_str::<SimConfig>("[laser]\nbeam = 3").is_err());
+        assert!(toml::from_str::<SimConfig>("[lidar]\nbeams = 3").is_err());
+    }
+}

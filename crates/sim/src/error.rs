@@ -1,0 +1,62 @@
+//! The one error type of the crate: every message names the field or file, what was found and what was expected.
+
+use std::path::{Path, PathBuf};
+
+/// Why a simulator could not be built, restored or given a map.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SimError {
+    /// A configuration or state field holds a value that cannot work.
+    #[error("{field}: found {found}, expected {expected}")]
+    Field {
+        /// Dotted path of the field, as in the TOML file below `[sim]`.
+        field: String,
+        /// The value as it stands.
+        found: String,
+        /// What would have been accepted.
+        expected: String,
+    },
+    /// A file (map, grid image) is unreadable or malformed.
+    #[error("{}: {field}: found {found}, expected {expected}", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// The field, line or part of the file.
+        field: String,
+        /// What stands there.
+        found: String,
+        /// What would have been accepted.
+        expected: String,
+    },
+    /// No free place was found for a body or a goal.
+    #[error(
+        "no free place for {what} after {tries} tries: the room is too full or too small for the spawn distances"
+    )]
+    NoSpace {
+        /// What was to be placed.
+        what: String,
+        /// How many candidates were rejected.
+        tries: u32,
+    },
+}
+
+impl SimError {
+    /// A [`SimError::Field`].
+    pub(crate) fn field(
+        field: impl Into<String>,
+        found: impl std::fmt::Display,
+        expected: impl Into<String>,
+    ) -> Self {
+        Self::Field { field: field.into(), found: found.to_string(), expected: expected.into() }
+    }
+
+    /// A [`SimError::File`].
+    pub(crate) fn file(
+        path: &Path,
+        field: impl Into<String>,
+        found: impl std::fmt::Display,
+        expected: impl Into<String>,
+    ) -> Self {
+        let (field, expected) = (field.into(), expected.into());
+        Self::File { path: path.to_path_buf(), field, found: found.to_string(), expected }
+    }
+}

@@ -1,0 +1,241 @@
+//! One room of the decision process: N robots, each with its own episode, in one world.
+//!
+//! A step: clip the actions, move the robots one after the other, scan, reward; then those whose episode ended are
+//! placed anew, in index order, and take their first scan. The others see a re-placed robot from their next scan on.
+
+use crate::config::SimConfig;
+use crate::episode::{EpisodeSummary, Outcome, StepEnd};
+use crate::error::SimError;
+use crate::geometry::{Pose, Shape};
+use crate::laser::{Hit, Laser, ScanSummary, Sensor};
+use crate::motion::{Motion, apply_limits, clip_action};
+use crate::observation::Observer;
+use crate::reward::{ZoneBody, outcome, reward, safety_zone};
+use crate::rng::{StreamRng, Streams};
+use crate::rooms::Transition;
+use crate::scenario::Scenario;
+use crate::spawn::Spawner;
+use crate::world::World;
+use glam::Vec2;
+use rand::RngExt;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// The running episode of one robot: all of its state but pose, observation row and token.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Episode {
+    pub(crate) goal: Vec2,
+    pub(crate) velocity: [f32; 2],
+    pub(crate) goal_distance: f32,
+    pub(crate) straight_distance: f32,
+    pub(crate) steps: u32,
+    pub(crate) path_length: f64,
+    pub(crate) episode_return: f64,
+}
+
+/// One robot's random streams and observer.
+pub(crate) struct Agent {
+    pub(crate) observer: Observer,
+    pub(crate) spawn: StreamRng,
+    pub(crate) token: StreamRng,
+}
+
+/// The slices of the batch's buffers that belong to one room.
+pub(crate) struct RoomBuffers<'a> {
+    pub(crate) observations: &'a mut [f32],
+    pub(crate) finals: &'a mut [f32],
+    pub(crate) tokens: &'a mut [u32],
+    pub(crate) transitions: &'a mut [Transition],
+}
+
+pub(crate) struct Room {
+    config: Arc<SimConfig>,
+    n_behaviours: u32,
+    pub(crate) world: World,
+    spawner: Spawner,
+    laser: Laser,
+    pub(crate) agents: Vec<Agent>,
+    pub(crate) episodes: Vec<Episode>,
+    motions: Vec<Motion>,
+    stalled: Vec<bool>,
+    ranges: Vec<f32>,
+}
+
+impl Room {
+    /// A room whose robots are not placed yet: [`Room::begin`] or a restored state does that.
+    pub(crate) fn new(
+        config: &Arc<SimConfig>,
+        scenario: &Scenario,
+        laser: &Laser,
+        n_agents: usize,
+        n_behaviours: u32,
+        streams: &Streams,
+        room: u64,
+    ) -> Result<Self, SimError> {
+        let mut world = scenario.build()?;
+        let spawner = Spawner::new(&config.spawn, &world)?;
+        let body = Shape::Box { length: config.robot.length, width: config.robot.width };
+        let agent = |agent: u64| Agent {
+            observer: Observer::new(config, streams.stream("noise", &[room, agent])),
+            spawn: streams.stream("spawn", &[room, agent]),
+            token: streams.stream("token", &[room, agent]),
+        };
+        for _ in 0..n_agents {
+            world.add_body(&body, Pose::default())?;
+        }
+        Ok(Self {
+            config: Arc::clone(config),
+            n_behaviours,
+            world,
+            spawner,
+            laser: laser.sibling(),
+            agents: (0..n_agents as u64).map(agent).collect(),
+            episodes: vec![Episode::default(); n_agents],
+            motions: vec![Motion::Still; n_agents],
+            stalled: vec![false; n_agents],
+            ranges: vec![0.0; config.laser.beams],
+        })
+    }
+
+    /// Whether the room is large enough for its robots.
+    pub(crate) fn check(&self) -> Result<(), SimError> {
+        self.spawner.check_room(&self.world, self.agents.len())
+    }
+
+    /// Places all robots and writes their first observations.
+    pub(crate) fn begin(&mut self, buffers: &mut RoomBuffers<'_>) -> Result<(), SimError> {
+        for agent in 0..self.agents.len() {
+            self.place(agent, agent, buffers.tokens)?;
+        }
+        for agent in 0..self.agents.len() {
+            self.observe_first(agent, buffers.observations);
+        }
+        Ok(())
+    }
+
+    /// One control period.
+    pub(crate) fn step(&mut self, actions: &[[f32; 2]], buffers: &mut RoomBuffers<'_>) {
+        self.drive(actions, buffers.transitions);
+        let n_agents = self.agents.len();
+        for agent in 0..n_agents {
+            self.judge(agent, buffers);
+        }
+        for agent in (0..n_agents).filter(|a| !buffers.transitions[*a].end.is_running()) {
+            self.place(agent, n_agents, buffers.tokens)
+                .expect("the room was found to be large enough when it was made");
+        }
+        for agent in (0..n_agents).filter(|a| !buffers.transitions[*a].end.is_running()) {
+            self.observe_first(agent, buffers.observations);
+        }
+    }
+
+    /// Clips, limits and executes the actions; velocities are what then holds, (0, 0) for a stalled robot.
+    fn drive(&mut self, actions: &[[f32; 2]], transitions: &mut [Transition]) {
+        let (robot, dt) = (&self.config.robot, self.config.episode.dt);
+        let limits = robot.acceleration.as_ref();
+        for (agent, action) in actions.iter().enumerate() {
+            let executed = clip_action(*action, robot);
+            let [v, w] = apply_limits(self.episodes[agent].velocity, executed, limits, dt);
+            transitions[agent].executed = executed;
+            self.episodes[agent].velocity = [v, w];
+            self.motions[agent] = Motion::Drive { v, w };
+        }
+        self.world.advance(&self.motions, dt, &mut self.stalled);
+        for (episode, stalled) in self.episodes.iter_mut().zip(&self.stalled) {
+            let [v, _] = episode.velocity;
+            if *stalled {
+                episode.velocity = [0.0, 0.0];
+            } else {
+                episode.path_length += f64::from(v.abs() * dt);
+            }
+        }
+    }
+
+    /// Scan, observation, outcome and reward of one robot after the move.
+    fn judge(&mut self, agent: usize, buffers: &mut RoomBuffers<'_>) {
+        let width = self.config.observation_len();
+        let row = &mut buffers.observations[agent * width..][..width];
+        let scan = self.laser.scan(&self.world, Sensor::Body(agent), |_| true, &mut self.ranges);
+        let pose = self.world.pose(agent);
+        let episode = self.episodes[agent];
+        let observer = &mut self.agents[agent].observer;
+        observer.push(&self.ranges, row);
+        observer.write_motion(pose, episode.goal, episode.velocity, row);
+
+        let goal_distance = pose.position.distance(episode.goal);
+        let limits = &self.config.episode;
+        let ended = outcome(goal_distance, limits.goal_radius, crash(scan, limits.crash_range));
+        let w = buffers.transitions[agent].executed[1];
+        let mut worth = reward(&self.config.reward, ended, episode.goal_distance - goal_distance, w);
+        if let Some(zones) = &self.config.reward.safety_zone {
+            let others = (0..self.agents.len()).filter(|i| *i != agent).map(|i| self.zone_body(i));
+            worth += safety_zone(zones, scan.min_range, limits.crash_range, self.zone_body(agent), others);
+        }
+        assert!(worth.is_finite() && row[width - 4..].iter().all(|x| x.is_finite()), "a finite observation");
+
+        let episode = &mut self.episodes[agent];
+        episode.goal_distance = goal_distance;
+        episode.steps += 1;
+        episode.episode_return += f64::from(worth);
+        let end = match ended {
+            Some(outcome) => StepEnd::Terminated(outcome),
+            None if episode.steps >= limits.step_limit => StepEnd::Truncated,
+            None => StepEnd::Running,
+        };
+        let transition = &mut buffers.transitions[agent];
+        (transition.reward, transition.end, transition.episode) = (worth, end, None);
+        if !end.is_running() {
+            transition.episode = Some(summary(episode, buffers.tokens[agent]));
+            buffers.finals[agent * width..][..width].copy_from_slice(row);
+        }
+    }
+
+    /// Starts a new episode for one robot: start, goal and token. The first `n_placed` bodies but itself are in the way.
+    fn place(&mut self, agent: usize, n_placed: usize, tokens: &mut [u32]) -> Result<(), SimError> {
+        let streams = &mut self.agents[agent];
+        let in_the_way = |body: usize| body != agent && body < n_placed;
+        let (start, goal) = self.spawner.start_and_goal(&self.world, in_the_way, &mut streams.spawn)?;
+        let goal_distance = start.position.distance(goal);
+        self.world.set_pose(agent, start);
+        self.episodes[agent] =
+            Episode { goal, goal_distance, straight_distance: goal_distance, ..Episode::default() };
+        tokens[agent] = streams.token.random_range(0..self.n_behaviours);
+        Ok(())
+    }
+
+    fn observe_first(&mut self, agent: usize, observations: &mut [f32]) {
+        let width = self.config.observation_len();
+        let row = &mut observations[agent * width..][..width];
+        self.laser.scan(&self.world, Sensor::Body(agent), |_| true, &mut self.ranges);
+        let (episode, observer) = (&self.episodes[agent], &mut self.agents[agent].observer);
+        observer.begin(&self.ranges, row);
+        observer.write_motion(self.world.pose(agent), episode.goal, episode.velocity, row);
+    }
+
+    fn zone_body(&self, agent: usize) -> ZoneBody {
+        let pose = self.world.pose(agent);
+        ZoneBody { position: pose.position, velocity: pose.direction() * self.episodes[agent].velocity[0] }
+    }
+}
+
+/// The collision that a scan amounts to, if its least range is below the crash range.
+pub fn crash(scan: ScanSummary, crash_range: f32) -> Option<Outcome> {
+    if scan.min_range >= crash_range {
+        return None;
+    }
+    match scan.nearest {
+        Hit::Body(_) => Some(Outcome::CollisionAgent),
+        Hit::Wall(_) | Hit::Obstacle(_) | Hit::None => Some(Outcome::CollisionWall),
+    }
+}
+
+fn summary(episode: &Episode, token: u32) -> EpisodeSummary {
+    EpisodeSummary {
+        steps: episode.steps,
+        path_length: episode.path_length,
+        straight_distance: episode.straight_distance,
+        episode_return: episode.episode_return,
+        token,
+    }
+}

@@ -1,0 +1,121 @@
+//! The whole state of [`Rooms`] as plain numbers: what a checkpoint keeps.
+//!
+//! Poses, episodes, tokens, observation rows (they hold the scans of the past) and the position of every random stream.
+//! Nothing else has a memory, so a restored batch goes on bit for bit.
+
+use crate::error::SimError;
+use crate::geometry::Pose;
+use crate::rng::Streams;
+use crate::room::Episode;
+use crate::rooms::Rooms;
+use serde::{Deserialize, Serialize};
+
+/// A snapshot of [`Rooms`]. The formats it is written in must keep f32 and f64 exactly.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RoomsState {
+    seed: u64,
+    n_rooms: usize,
+    n_agents: usize,
+    n_behaviours: u32,
+    agents: Vec<AgentState>,
+    observations: Vec<f32>,
+}
+
+/// One agent's part of a snapshot.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct AgentState {
+    pose: Pose,
+    episode: Episode,
+    token: u32,
+    noise_position: u64,
+    spawn_position: u64,
+    token_position: u64,
+}
+
+impl Rooms {
+    /// A snapshot, to be taken between steps.
+    pub fn state(&self) -> RoomsState {
+        let agent = |(i, token): (usize, &u32)| {
+            let (room, a) = (&self.rooms[i / self.n_agents], i % self.n_agents);
+            let streams = &room.agents[a];
+            AgentState {
+                pose: room.world.pose(a),
+                episode: room.episodes[a],
+                token: *token,
+                noise_position: streams.observer.noise_position(),
+                spawn_position: streams.spawn.get_word_pos() as u64,
+                token_position: streams.token.get_word_pos() as u64,
+            }
+        };
+        RoomsState {
+            seed: self.streams.seed(),
+            n_rooms: self.rooms.len(),
+            n_agents: self.n_agents,
+            n_behaviours: self.n_behaviours,
+            agents: self.tokens.iter().enumerate().map(agent).collect(),
+            observations: self.observations.clone(),
+        }
+    }
+
+    /// Goes to a snapshot of rooms that were made with the same arguments. The transitions of the step before the
+    /// snapshot are not part of it: they read as those of a fresh batch.
+    ///
+    /// # Errors
+    ///
+    /// When the snapshot is of another seed or shape or holds numbers that are not finite; nothing is changed then.
+    pub fn restore(&mut self, state: RoomsState) -> Result<(), SimError> {
+        self.check_state(&state)?;
+        let streams = Streams::new(state.seed);
+        for (i, saved) in state.agents.iter().enumerate() {
+            let (r, a) = (i / self.n_agents, i % self.n_agents);
+            let indices = [r as u64, a as u64];
+            let room = &mut self.rooms[r];
+            room.world.set_pose(a, saved.pose);
+            room.episodes[a] = saved.episode;
+            let agent = &mut room.agents[a];
+            agent.observer.seek_noise(saved.noise_position);
+            agent.spawn = streams.stream("spawn", &indices);
+            agent.spawn.set_word_pos(u128::from(saved.spawn_position));
+            agent.token = streams.stream("token", &indices);
+            agent.token.set_word_pos(u128::from(saved.token_position));
+            self.tokens[i] = saved.token;
+        }
+        self.observations = state.observations;
+        self.transitions.fill_with(Default::default);
+        Ok(())
+    }
+
+    fn check_state(&self, state: &RoomsState) -> Result<(), SimError> {
+        let same = |field: &str, found: u64, expected: u64| {
+            if found == expected {
+                return Ok(());
+            }
+            Err(SimError::field(format!("state.{field}"), found, expected.to_string()))
+        };
+        same("seed", state.seed, self.streams.seed())?;
+        same("n_rooms", state.n_rooms as u64, self.rooms.len() as u64)?;
+        same("n_agents", state.n_agents as u64, self.n_agents as u64)?;
+        same("n_behaviours", u64::from(state.n_behaviours), u64::from(self.n_behaviours))?;
+        same("agents", state.agents.len() as u64, self.tokens.len() as u64)?;
+        same("observations", state.observations.len() as u64, self.observations.len() as u64)?;
+        let finite = |a: &AgentState| {
+            let e = &a.episode;
+            a.pose.is_finite()
+                && e.goal.is_finite()
+                && [e.velocity[0], e.velocity[1], e.goal_distance, e.straight_distance]
+                    .iter()
+                    .all(|x| x.is_finite())
+                && a.token < self.n_behaviours
+        };
+        if let Some(i) = state.agents.iter().position(|a| !finite(a)) {
+            let found = "a number that is not finite or a token out of range";
+            return Err(SimError::field(format!("state.agents[{i}]"), found, "the state of an agent"));
+        }
+        if !state.observations.iter().all(|x| x.is_finite()) {
+            return Err(SimError::field("state.observations", "a number that is not finite", "observations"));
+        }
+        Ok(())
+    }
+}

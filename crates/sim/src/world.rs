@@ -1,0 +1,369 @@
+//! The world: a rapier scene of walls, obstacles and kinematic bodies, moved the way Stage moves its models.
+//!
+//! One body after the other takes its Euler step; if it would then touch a body, a wall or an obstacle, its whole pose
+//! is restored and it is stalled. None of rapier's ready body types does that: dynamic bodies penetrate, slide, turn and
+//! push each other, velocity-based kinematic ones pass through. So rapier keeps the scene (position-based kinematic
+//! bodies with colliders) and parry decides on overlaps, but no velocity solver runs.
+//!
+//! Architecture invariant: the poses are the whole physical state. Nothing here has a memory of the past (no contact
+//! cache, no sleeping islands), so a world that is given the same poses behaves the same to the last bit.
+//! The world knows no goal, no episode and no reward.
+
+use crate::error::SimError;
+use crate::geometry::{Pose, Shape};
+use crate::motion::Motion;
+use crate::solid::Solid;
+use crate::trig::wrap_angle;
+use glam::Vec2;
+use rapier2d::prelude::{ColliderBuilder, ColliderSet, RigidBodyBuilder, RigidBodySet, SharedShape};
+
+/// Most sub-steps of one move; a command that would need more (over 1 km for a half-metre body) is refused as a stall.
+const SUB_STEPS_MAX: f32 = 4096.0;
+
+/// A room with everything in it.
+#[derive(Default)]
+pub struct World {
+    rigid_bodies: RigidBodySet,
+    colliders: ColliderSet,
+    bodies: Vec<Solid>,
+    obstacles: Vec<Solid>,
+    walls: Option<Walls>,
+}
+
+/// The inner faces of an axis-parallel room.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Walls {
+    pub(crate) min: Vec2,
+    pub(crate) max: Vec2,
+}
+
+impl World {
+    /// An endless plain with nothing in it.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Surrounds the world by four walls with the given inner faces, solid as far as one can go beyond them.
+    ///
+    /// # Errors
+    ///
+    /// When `min` is not below `max` or a coordinate is not finite, or when the world has walls already.
+    pub fn set_walls(&mut self, min: Vec2, max: Vec2) -> Result<(), SimError> {
+        if self.walls.is_some() {
+            return Err(SimError::field("walls", "a second set", "one set of walls"));
+        }
+        if !(min.is_finite() && max.is_finite() && min.x < max.x && min.y < max.y) {
+            return Err(SimError::field("walls", format!("{min} to {max}"), "finite corners, min below max"));
+        }
+        for (point, inwards) in [(min, Vec2::X), (min, Vec2::Y), (max, -Vec2::X), (max, -Vec2::Y)] {
+            self.colliders.insert(ColliderBuilder::new(SharedShape::halfspace(inwards)).translation(point));
+        }
+        self.walls = Some(Walls { min, max });
+        Ok(())
+    }
+
+    /// Adds a static obstacle and returns its index. It may overlap others and stick through walls.
+    ///
+    /// # Errors
+    ///
+    /// When the shape or the pose is refused by [`Shape::validate`] or is not finite.
+    pub fn add_obstacle(&mut self, shape: &Shape, pose: Pose) -> Result<usize, SimError> {
+        let field = format!("obstacle {}", self.obstacles.len());
+        check(shape, pose, &field)?;
+        let (shape, pose) = centred(shape, pose);
+        let mut solid = Solid::new(&shape, pose);
+        solid.collider =
+            self.colliders.insert(ColliderBuilder::new(solid.parry.clone()).position(solid.parry_pose()));
+        self.obstacles.push(solid);
+        Ok(self.obstacles.len() - 1)
+    }
+
+    /// Adds a body and returns its index. Nothing is tested: a body may start inside another or beyond a wall.
+    ///
+    /// # Errors
+    ///
+    /// When the shape is refused by [`Shape::validate`], is a segment, or the pose is not finite.
+    pub fn add_body(&mut self, shape: &Shape, pose: Pose) -> Result<usize, SimError> {
+        let field = format!("body {}", self.bodies.len());
+        check(shape, pose, &field)?;
+        if matches!(shape, Shape::Segment { .. }) {
+            return Err(SimError::field(field, "a segment", "a shape with an area"));
+        }
+        let mut solid = Solid::new(shape, pose);
+        let rigid = RigidBodyBuilder::kinematic_position_based().pose(solid.parry_pose());
+        let handle = self.rigid_bodies.insert(rigid);
+        let collider = ColliderBuilder::new(solid.parry.clone());
+        solid.collider = self.colliders.insert_with_parent(collider, handle, &mut self.rigid_bodies);
+        solid.body = Some(handle);
+        self.bodies.push(solid);
+        Ok(self.bodies.len() - 1)
+    }
+
+    /// How many bodies there are; their indices are 0 up to this.
+    pub fn n_bodies(&self) -> usize {
+        self.bodies.len()
+    }
+
+    /// How many obstacles there are.
+    pub fn n_obstacles(&self) -> usize {
+        self.obstacles.len()
+    }
+
+    /// The pose of a body.
+    pub fn pose(&self, body: usize) -> Pose {
+        self.bodies[body].pose
+    }
+
+    /// The shape of a body.
+    pub fn shape(&self, body: usize) -> &Shape {
+        &self.bodies[body].shape
+    }
+
+    /// The walls' inner corners (least, largest), if there are walls.
+    pub fn walls(&self) -> Option<(Vec2, Vec2)> {
+        self.walls.map(|w| (w.min, w.max))
+    }
+
+    /// Puts a body anywhere, even onto another: for spawning and restoring.
+    ///
+    /// # Panics
+    ///
+    /// When the pose is not finite.
+    pub fn set_pose(&mut self, body: usize, pose: Pose) {
+        assert!(pose.is_finite(), "pose of body {body}: found {pose:?}, expected finite numbers");
+        self.bodies[body].place(pose);
+        self.publish(body);
+    }
+
+    /// Moves every body for `dt`, in index order, and notes in `stalled` which of them had to stay where they were.
+    ///
+    /// Each move is tested along the way in sub-steps no longer than the body's half width (turning counts at the
+    /// body's outermost point), so that no speed and no `dt` lets a body pass through anything. A body that already
+    /// overlaps something before its move (it was put there) stalls until it is put elsewhere or turns free in one step.
+    ///
+    /// # Panics
+    ///
+    /// When `motions` or `stalled` does not have one entry per body.
+    pub fn advance(&mut self, motions: &[Motion], dt: f32, stalled: &mut [bool]) {
+        assert_eq!(motions.len(), self.bodies.len(), "one motion per body");
+        assert_eq!(stalled.len(), self.bodies.len(), "one stall flag per body");
+        for (body, (motion, stalled)) in motions.iter().zip(stalled).enumerate() {
+            *stalled = !self.try_move(body, *motion, dt);
+        }
+    }
+
+    /// One body's move; false, and the pose untouched, when it is blocked.
+    fn try_move(&mut self, body: usize, motion: Motion, dt: f32) -> bool {
+        let solid = &self.bodies[body];
+        let start = solid.pose;
+        let (shift, turn) = match motion {
+            Motion::Still => return true,
+            Motion::Drive { v, w } => (solid.rotation * (v * dt), w * dt),
+            Motion::Walk { velocity } => (velocity * dt, 0.0),
+        };
+        if shift == Vec2::ZERO && turn == 0.0 {
+            return true;
+        }
+        let reach = shift.length() + turn.abs().min(std::f32::consts::TAU) * solid.circumradius;
+        let n_steps = (reach / solid.half_width).ceil().max(1.0);
+        // A command that is not finite ends here too: its count of sub-steps is NaN or infinite.
+        let walkable = n_steps <= SUB_STEPS_MAX && turn.is_finite();
+        let n_steps = if walkable { n_steps as u32 } else { 0 };
+        let free = walkable && (1..=n_steps).all(|step| self.fits(body, start, shift, turn, step, n_steps));
+        if !free {
+            self.bodies[body].place(start);
+            return false;
+        }
+        self.publish(body);
+        true
+    }
+
+    /// Puts a body `step`/`n_steps` of the way along its move and tells whether it is free there.
+    fn fits(&mut self, body: usize, start: Pose, shift: Vec2, turn: f32, step: u32, n_steps: u32) -> bool {
+        let part = if step == n_steps { 1.0 } else { step as f32 / n_steps as f32 };
+        let heading = wrap_angle(f64::from(start.heading) + f64::from(turn * part));
+        let pose = Pose { position: start.position + shift * part, heading };
+        if !pose.is_finite() {
+            return false;
+        }
+        self.bodies[body].place(pose);
+        !self.is_blocked(body)
+    }
+
+    /// Whether a body touches another body, an obstacle or a wall where it stands.
+    pub fn is_blocked(&self, body: usize) -> bool {
+        let solid = &self.bodies[body];
+        let hits_body = |(i, other): (usize, &Solid)| i != body && solid.overlaps(other);
+        self.walls.is_some_and(|walls| walls.block(solid))
+            || self.bodies.iter().enumerate().any(hits_body)
+            || self.obstacles.iter().any(|obstacle| solid.overlaps(obstacle))
+    }
+
+    /// Distance from a point to the nearest obstacle or wall, m: 0 inside an obstacle or beyond a wall, infinite
+    /// where there is neither.
+    pub fn clearance(&self, point: Vec2) -> f32 {
+        let to_walls =
+            self.walls.map_or(f32::INFINITY, |w| (point - w.min).min(w.max - point).min_element().max(0.0));
+        let to_obstacle = |solid: &Solid| solid.parry.distance_to_point(&solid.parry_pose(), point, true);
+        self.obstacles.iter().map(to_obstacle).fold(to_walls, f32::min)
+    }
+
+    /// The rapier scene, for debug rendering or queries of one's own.
+    pub fn rapier_scene(&self) -> (&RigidBodySet, &ColliderSet) {
+        (&self.rigid_bodies, &self.colliders)
+    }
+
+    pub(crate) fn bodies(&self) -> &[Solid] {
+        &self.bodies
+    }
+
+    pub(crate) fn obstacles(&self) -> &[Solid] {
+        &self.obstacles
+    }
+
+    pub(crate) fn walls_box(&self) -> Option<Walls> {
+        self.walls
+    }
+
+    /// Carries a body's pose over to rapier's sets.
+    fn publish(&mut self, body: usize) {
+        let solid = &self.bodies[body];
+        let pose = solid.parry_pose();
+        if let Some(rigid) = solid.body.and_then(|handle| self.rigid_bodies.get_mut(handle)) {
+            rigid.set_position(pose, false);
+        }
+        if let Some(collider) = self.colliders.get_mut(solid.collider) {
+            collider.set_position(pose);
+        }
+    }
+}
+
+impl Walls {
+    /// Whether a solid reaches a wall's inner face.
+    fn block(&self, solid: &Solid) -> bool {
+        let position = solid.pose.position;
+        let room = (position - self.min).min(self.max - position).min_element();
+        if room > solid.circumradius {
+            return false;
+        }
+        let aabb = solid.parry.compute_aabb(&solid.parry_pose());
+        aabb.mins.x <= self.min.x
+            || aabb.mins.y <= self.min.y
+            || aabb.maxs.x >= self.max.x
+            || aabb.maxs.y >= self.max.y
+    }
+}
+
+fn check(shape: &Shape, pose: Pose, field: &str) -> Result<(), SimError> {
+    if !pose.is_finite() {
+        return Err(SimError::field(format!("{field}.pose"), format!("{pose:?}"), "finite numbers"));
+    }
+    shape.validate(field)
+}
+
+/// The same segment or polygon around the mean of its vertices, so that its circumradius culls well.
+fn centred(shape: &Shape, pose: Pose) -> (Shape, Pose) {
+    let vertices = shape.vertices();
+    let centre = vertices.iter().map(|v| v.as_dvec2()).sum::<glam::DVec2>() / vertices.len().max(1) as f64;
+    let moved = |v: &Vec2| (v.as_dvec2() - centre).as_vec2();
+    let shape = match shape {
+        Shape::Circle { .. } | Shape::Box { .. } => return (shape.clone(), pose),
+        Shape::Segment { a, b } => Shape::Segment { a: moved(a), b: moved(b) },
+        Shape::Polygon { vertices } => Shape::Polygon { vertices: vertices.iter().map(moved).collect() },
+    };
+    let position = pose.position + pose.direction().rotate(centre.as_vec2());
+    (shape, Pose { position, heading: pose.heading })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn room() -> World {
+        let mut world = World::new();
+        world.set_walls(Vec2::splat(-10.0), Vec2::splat(10.0)).expect("walls");
+        world
+    }
+
+    fn add(world: &mut World, x: f32, y: f32, heading: f32) -> usize {
+        world.add_body(&Shape::square(0.5), Pose::new(Vec2::new(x, y), heading)).expect("body")
+    }
+
+    #[track_caller]
+    fn advance(world: &mut World, motions: &[Motion], dt: f32) -> Vec<bool> {
+        let mut stalled = vec![false; motions.len()];
+        world.advance(motions, dt, &mut stalled);
+        stalled
+    }
+
+    #[test]
+    fn drive_is_one_euler_step_along_the_old_heading() {
+        let mut world = room();
+        add(&mut world, 0.0, 0.0, std::f32::consts::FRAC_PI_2);
+        assert_eq!(advance(&mut world, &[Motion::Drive { v: 1.0, w: 1.0 }], 0.1), [false]);
+        let pose = world.pose(0);
+        assert!((pose.position - Vec2::new(0.0, 0.1)).length() < 1e-7);
+        assert!((pose.heading - (std::f32::consts::FRAC_PI_2 + 0.1)).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_blocked_body_keeps_its_whole_pose() {
+        let mut world = room();
+        add(&mut world, 0.0, 0.0, 0.0);
+        add(&mut world, 0.55, 0.0, 0.0);
+        let before = world.pose(0);
+        let stalled = advance(&mut world, &[Motion::Drive { v: 1.0, w: 1.0 }, Motion::Still], 0.1);
+        assert_eq!((stalled, world.pose(0)), (vec![true, false], before));
+    }
+
+    #[test]
+    fn bodies_move_one_after_the_other() {
+        let drive = Motion::Drive { v: 1.0, w: 0.0 };
+        let mut world = room();
+        add(&mut world, 0.0, 0.0, 0.0);
+        add(&mut world, 0.55, 0.0, 0.0);
+        assert_eq!(advance(&mut world, &[drive, drive], 0.1), [true, false]);
+        let mut world = room();
+        add(&mut world, 0.55, 0.0, 0.0);
+        add(&mut world, 0.0, 0.0, 0.0);
+        assert_eq!(advance(&mut world, &[drive, drive], 0.1), [false, false]);
+    }
+
+    #[test]
+    fn nothing_tunnels_at_any_speed() {
+        let wall = Shape::Segment { a: Vec2::new(2.0, -5.0), b: Vec2::new(2.0, 5.0) };
+        for v in [1.0, 30.0, 100.0, 5000.0, 1e9, f32::INFINITY, f32::NAN] {
+            let mut world = World::new();
+            add(&mut world, 0.0, 0.0, 0.0);
+            world.add_obstacle(&wall, Pose::default()).expect("obstacle");
+            let stalled = advance(&mut world, &[Motion::Drive { v, w: 0.0 }], 4.0);
+            assert_eq!((stalled[0], world.pose(0).position), (true, Vec2::ZERO), "v = {v}");
+        }
+        let mut world = room();
+        add(&mut world, 0.0, 0.0, 0.0);
+        assert_eq!(advance(&mut world, &[Motion::Walk { velocity: Vec2::new(500.0, 0.0) }], 0.1), [true]);
+    }
+
+    #[test]
+    fn rapier_holds_the_same_poses() {
+        let mut world = room();
+        add(&mut world, 0.0, 0.0, 0.3);
+        advance(&mut world, &[Motion::Drive { v: 1.0, w: 0.5 }], 0.1);
+        let (bodies, colliders) = world.rapier_scene();
+        let (_, body) = bodies.iter().next().expect("one body");
+        let collider = colliders.iter().find(|(_, c)| c.parent().is_some()).expect("one collider").1;
+        assert_eq!(body.position().translation, world.pose(0).position);
+        assert_eq!(collider.position().translation, world.pose(0).position);
+        assert!(body.is_kinematic());
+    }
+
+    #[test]
+    fn clearance_is_the_distance_to_walls_and_obstacles() {
+        let mut world = room();
+        world.add_obstacle(&Shape::square(2.0), Pose::default()).expect("obstacle");
+        assert!((world.clearance(Vec2::new(3.0, 0.0)) - 2.0).abs() < 1e-6);
+        assert!((world.clearance(Vec2::new(0.0, 9.5)) - 0.5).abs() < 1e-6);
+        assert_eq!(world.clearance(Vec2::new(0.5, 0.5)), 0.0);
+        assert_eq!(world.clearance(Vec2::new(30.0, 0.5)), 0.0);
+    }
+}

@@ -1,0 +1,192 @@
+//! Contracts of the vectorised decision process: same bits at any thread count, exact snapshots, the rules of an episode.
+
+use jostle_sim::{Outcome, Rooms, RoomsState, SimConfig, StepEnd, Streams};
+use rand::RngExt;
+
+/// FNV-1a over the bits of everything a step produced.
+fn hash(rooms: &Rooms, mut hash: u64) -> u64 {
+    let mut eat = |bits: u32| hash = (hash ^ u64::from(bits)).wrapping_mul(0x0100_0000_01B3);
+    rooms.observations().iter().for_each(|x| eat(x.to_bits()));
+    rooms.tokens().iter().for_each(|t| eat(*t));
+    for t in rooms.transitions() {
+        eat(t.reward.to_bits());
+        eat(u32::from(t.end.is_running()));
+        if let Some(e) = t.episode {
+            eat(e.steps);
+            eat(e.path_length.to_bits() as u32);
+        }
+    }
+    hash
+}
+
+/// Steps with random actions from a stream of their own; returns a hash over all steps.
+fn run(rooms: &mut Rooms, from: u64, steps: u64) -> u64 {
+    (from..from + steps).fold(0, |sum, step| {
+        let mut rng = Streams::new(99).stream("action", &[step]);
+        let actions: Vec<[f32; 2]> =
+            (0..rooms.len()).map(|_| [rng.random_range(-0.5..1.8), rng.random_range(-1.5..1.5)]).collect();
+        rooms.step(&actions);
+        hash(rooms, sum)
+    })
+}
+
+fn rooms(config: &SimConfig, n_rooms: usize, n_agents: usize) -> Rooms {
+    Rooms::new(config, n_rooms, n_agents, 5, &Streams::new(7)).expect("rooms")
+}
+
+#[test]
+fn ten_thousand_steps_hash_the_same_at_1_2_and_8_threads() {
+    let hashes = [1, 2, 8].map(|threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("pool");
+        pool.install(|| run(&mut rooms(&SimConfig::default(), 2, 5), 0, 10_000))
+    });
+    assert_eq!(hashes[0], hashes[1]);
+    assert_eq!(hashes[0], hashes[2]);
+}
+
+#[test]
+fn restoring_a_state_through_json_goes_on_bit_for_bit() {
+    let mut whole = rooms(&SimConfig::default(), 2, 5);
+    run(&mut whole, 0, 150);
+    let text = serde_json::to_string(&whole.state()).expect("JSON");
+    let expected = run(&mut whole, 150, 300);
+    let mut resumed = rooms(&SimConfig::default(), 2, 5);
+    let state: RoomsState = serde_json::from_str(&text).expect("JSON");
+    resumed.restore(state).expect("restore");
+    assert_eq!(run(&mut resumed, 150, 300), expected);
+}
+
+#[test]
+fn a_state_of_another_shape_is_refused() {
+    let state = rooms(&SimConfig::default(), 2, 5).state();
+    let mut other = rooms(&SimConfig::default(), 2, 4);
+    let message = other.restore(state).expect_err("shape").to_string();
+    assert_eq!(message, "state.n_agents: found 5, expected 4");
+}
+
+#[test]
+fn halves_step_as_the_whole() {
+    let (mut whole, mut halves, mut ranges) = {
+        let make = || rooms(&SimConfig::default(), 4, 3);
+        (make(), make(), make())
+    };
+    for step in 0..50 {
+        let actions = vec![[0.9, (step as f32 * 0.1).sin()]; 12];
+        whole.step(&actions);
+        let (mut a, mut b) = halves.all_mut().split_at(2);
+        rayon::join(|| a.step(&actions[..6]), || b.step(&actions[6..]));
+        ranges.step_range(1..4, &actions[3..]);
+        ranges.step_range(0..1, &actions[..3]);
+        assert_eq!(hash(&whole, 0), hash(&halves, 0));
+        assert_eq!(hash(&whole, 0), hash(&ranges, 0));
+    }
+}
+
+#[test]
+fn a_room_does_not_know_its_siblings() {
+    let (mut one, mut three) = (rooms(&SimConfig::default(), 1, 3), rooms(&SimConfig::default(), 3, 3));
+    for _ in 0..100 {
+        one.step(&[[0.8, 0.3]; 3]);
+        three.step(&[[0.8, 0.3]; 9]);
+        assert_eq!(one.observations(), &three.observations()[..one.observations().len()]);
+        assert_eq!(one.transitions(), &three.transitions()[..3]);
+    }
+}
+
+#[test]
+fn a_time_limit_truncates_and_keeps_the_last_observation_apart() {
+    let mut config = SimConfig::default();
+    config.episode.step_limit = 3;
+    let mut rooms = rooms(&config, 1, 2);
+    for _ in 0..2 {
+        rooms.step(&[[0.0, 0.0]; 2]);
+        assert!(rooms.transitions().iter().all(|t| t.end.is_running() && t.episode.is_none()));
+    }
+    let goal_before = rooms.observations()[1536..1538].to_vec();
+    rooms.step(&[[0.0, 0.0]; 2]);
+    for (i, t) in rooms.transitions().iter().enumerate() {
+        assert_eq!((t.end, t.reward), (StepEnd::Truncated, 0.0));
+        assert_eq!(t.episode.expect("summary").steps, 3);
+        assert_ne!(rooms.final_observation(i), &rooms.observations()[i * 1540..][..1540]);
+    }
+    assert_eq!(&rooms.final_observation(0)[1536..1538], &goal_before[..]);
+    // The new episode's first scan fills all three frames.
+    let row = &rooms.observations()[..1536];
+    assert_eq!(&row[..512], &row[512..1024]);
+    assert_eq!(&row[..512], &row[1024..]);
+}
+
+#[test]
+fn episodes_end_by_crash_or_goal_and_count_their_path() {
+    let mut config = SimConfig::default();
+    config.episode.goal_radius = 5.0;
+    let mut rooms = rooms(&config, 2, 5);
+    let (mut successes, mut crashes) = (0, 0);
+    for step in 0..2000_u32 {
+        rooms.step(&[[1.0, if step % 2 == 0 { 0.2 } else { 0.0 }]; 10]);
+        for t in rooms.transitions() {
+            match t.end {
+                StepEnd::Terminated(Outcome::Success) => {
+                    successes += 1;
+                    assert_eq!(t.reward, 15.0);
+                    let e = t.episode.expect("summary");
+                    assert!(e.path_length + 5.0 + 1e-3 >= f64::from(e.straight_distance));
+                    assert!(e.path_length <= 0.1 * f64::from(e.steps) + 1e-4);
+                }
+                StepEnd::Terminated(_) => {
+                    crashes += 1;
+                    assert_eq!(t.reward, -15.0);
+                }
+                StepEnd::Truncated => assert_eq!(t.episode.expect("summary").steps, 400),
+                StepEnd::Running => assert!(t.reward.abs() <= 0.25 + 1e-4),
+            }
+        }
+    }
+    assert!(successes > 10 && crashes > 10, "{successes} successes, {crashes} crashes");
+}
+
+#[test]
+fn tokens_are_uniform_and_new_for_every_episode() {
+    let mut config = SimConfig::default();
+    config.episode.step_limit = 1;
+    let mut rooms = rooms(&config, 4, 5);
+    let mut counts = [0_u32; 5];
+    for _ in 0..500 {
+        rooms.step(&[[0.0, 0.0]; 20]);
+        rooms.tokens().iter().for_each(|t| counts[*t as usize] += 1);
+    }
+    assert!(counts.iter().all(|c| (1800..2200).contains(c)), "{counts:?}");
+}
+
+#[test]
+fn spawns_keep_their_distances() {
+    let mut config = SimConfig::default();
+    config.episode.step_limit = 1;
+    config.laser.noise_std = 0.0;
+    let mut rooms = rooms(&config, 1, 20);
+    for _ in 0..300 {
+        rooms.step(&[[0.0, 0.0]; 20]);
+        for row in rooms.observations().chunks_exact(1540) {
+            assert!(row[1536].hypot(row[1537]) >= 10.0 - 1e-4);
+            let nearest = row[..512].iter().copied().fold(f32::INFINITY, f32::min);
+            assert!((nearest + 0.5) * 10.0 >= 1.0 - 0.3536 - 1e-4);
+        }
+    }
+}
+
+#[test]
+fn rooms_that_are_too_full_or_empty_are_refused() {
+    let make = |width: f32, n_rooms, n_agents, n_behaviours| {
+        let mut config = SimConfig::default();
+        config.room.width = width;
+        config.room.height = width;
+        let made = Rooms::new(&config, n_rooms, n_agents, n_behaviours, &Streams::new(0));
+        made.err().map(|e| e.to_string()).unwrap_or_default()
+    };
+    assert_eq!(make(20.0, 1, 5, 0), "n_behaviours: found 0, expected at least 1");
+    assert_eq!(make(20.0, 1, 0, 5), "n_agents: found 0, expected at least 1");
+    assert_eq!(make(20.0, 0, 5, 5), "n_rooms: found 0, expected at least 1");
+    assert!(make(20.0, 1, 200, 5).starts_with("n_agents: found 200, expected so few"));
+    assert!(make(6.0, 1, 1, 5).starts_with("spawn.goal_distance: found 10"));
+    assert!(make(1.0, 1, 1, 5).starts_with("spawn.wall_clearance: found 1"));
+}
