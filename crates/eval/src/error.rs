@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use jostle_diversity::DiversityError;
 use jostle_peds::{CrowdKind, PedsError};
 use jostle_policy::PolicyError;
 use jostle_sim::SimError;
@@ -82,6 +83,9 @@ pub enum EvalError {
     /// A policy or its file was refused.
     #[error(transparent)]
     Policy(#[from] PolicyError),
+    /// The diversity metric refused.
+    #[error(transparent)]
+    Diversity(#[from] DiversityError),
 }
 
 impl EvalError {

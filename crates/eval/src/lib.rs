@@ -1,14 +1,38 @@
-//! The six unseen crowds, paired episodes, metrics, intervals and reports.
+//! The six unseen crowds, paired episodes, metrics, intervals and reports (paper, section "Experiments").
+//!
+//! Reading order: [`protocol`] (a policy in a crowd), [`config`], [`crowds`], [`robot`] (who is tested), [`lock_step`] and
+//! [`room`] (how episodes run); [`outcome`], [`metrics`], [`statistics`] (what is measured), [`diversity`] (the metric D);
+//! [`cell`] and [`records`] (what is kept), [`paper`] (its tables as data), [`report`] (what is printed).
+//!
+//! Architecture invariants: nothing here trains or knows the trainer; no result depends on the clock, the number of
+//! threads or the lock step.
+
 #![forbid(unsafe_code)]
 
 pub mod cell;
+pub mod config;
+pub mod crowds;
+pub mod diversity;
 pub mod error;
 pub mod identity;
+pub mod loaded;
+pub mod lock_step;
 pub mod metrics;
 pub mod outcome;
 pub mod paper;
+pub mod protocol;
 pub mod records;
 pub mod report;
+pub mod robot;
+pub mod room;
+pub mod site;
 pub mod statistics;
 
+pub use config::{EvalConfig, PedestrianCrash};
+pub use crowds::Pools;
 pub use error::EvalError;
+pub use identity::PolicyIdentity;
+pub use loaded::LoadedPolicy;
+pub use outcome::EpisodeOutcome;
+pub use protocol::{CellRun, Protocol, Subject};
+pub use robot::{PerRow, RobotPolicy, TrainedRobot};

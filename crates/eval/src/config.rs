@@ -1,0 +1,132 @@
+//! Settings of a test: the room, the crowds, and how episodes are run.
+
+use jostle_peds::{CrowdKind, CrowdsConfig};
+use jostle_policy::Backend;
+use jostle_sim::SimConfig;
+use serde::{Deserialize, Serialize};
+
+use crate::error::EvalError;
+use crate::identity::hex_sha256;
+
+/// When a pedestrian counts as crashed and is re-spawned.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PedestrianCrash {
+    /// Its own noise-free scan of walls, obstacles and pedestrians falls below the robots' crash range.
+    Scan,
+    /// Its body was stopped by a wall, an obstacle or another pedestrian.
+    Contact,
+}
+
+/// Settings of a test. All but `lock_step` decide the result and are part of a cell's hash.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct EvalConfig {
+    /// Room, robot, laser and episode; a checkpoint's own, so that a policy is tested in the world it was trained in.
+    pub sim: SimConfig,
+    /// The six crowds and who sees whom.
+    pub crowds: CrowdsConfig,
+    /// N: one robot and N − 1 pedestrians (paper: 5). With 1 the room is empty.
+    pub n_agents: usize,
+    /// Root seed of starts, goals, noise and re-spawns.
+    pub seed: u64,
+    /// What computes the networks of robot and pedestrians.
+    pub backend: Backend,
+    /// Crash of learned pedestrians. By their scan, as in training.
+    pub learned_crash: PedestrianCrash,
+    /// Crash of the pedestrians of VO and SF. By contact: ORCA's discs may legally come nearer than the crash range.
+    pub pure_crash: PedestrianCrash,
+    /// A re-spawned pedestrian keeps at least this distance from every body's centre (m).
+    pub respawn_clearance: f32,
+    /// Episodes run side by side. Changes speed and memory alone, never a result.
+    pub lock_step: usize,
+}
+
+impl Default for EvalConfig {
+    fn default() -> Self {
+        Self {
+            sim: SimConfig::default(),
+            crowds: CrowdsConfig::default(),
+            n_agents: 5,
+            seed: 0,
+            backend: Backend::default(),
+            learned_crash: PedestrianCrash::Scan,
+            pure_crash: PedestrianCrash::Contact,
+            respawn_clearance: 3.0,
+            lock_step: 256,
+        }
+    }
+}
+
+impl EvalConfig {
+    /// Number of pedestrians in a room.
+    pub fn n_pedestrians(&self) -> usize {
+        self.n_agents - 1
+    }
+
+    /// When a pedestrian of a crowd counts as crashed.
+    pub fn crash_of(&self, crowd: CrowdKind) -> PedestrianCrash {
+        if crowd.is_learned() { self.learned_crash } else { self.pure_crash }
+    }
+
+    /// Checks every range.
+    ///
+    /// # Errors
+    ///
+    /// The first field out of its range.
+    pub fn validate(&self) -> Result<(), EvalError> {
+        self.sim.validate()?;
+        self.crowds.validate()?;
+        let refuse = |field, found: String, expected: &str| {
+            Err(EvalError::Setting { field, found, expected: expected.to_owned() })
+        };
+        if !(1..=1000).contains(&self.n_agents) {
+            return refuse("n_agents", self.n_agents.to_string(), "1 to 1000");
+        }
+        if !(0.0..=1000.0).contains(&self.respawn_clearance) {
+            return refuse("respawn_clearance", self.respawn_clearance.to_string(), "0 to 1000 m");
+        }
+        if self.lock_step == 0 {
+            return refuse("lock_step", "0".to_owned(), "at least 1");
+        }
+        Ok(())
+    }
+
+    /// SHA-256 of everything that decides a result and has no field of its own in a cell's key.
+    pub fn settings_hash(&self) -> String {
+        let decisive = Self { lock_step: 1, n_agents: 1, seed: 0, ..self.clone() };
+        hex_sha256(&serde_json::to_vec(&decisive).expect("plain settings are always JSON"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_hash_ignores_the_lock_step_alone() {
+        let config = EvalConfig::default();
+        assert!(config.validate().is_ok());
+        let wide = EvalConfig { lock_step: 7, ..config.clone() };
+        assert_eq!(wide.settings_hash(), config.settings_hash());
+        let mut seen = config.clone();
+        seen.crowds.visibility.vo.robot = true;
+        let contact = EvalConfig { learned_crash: PedestrianCrash::Contact, ..config.clone() };
+        assert_ne!(seen.settings_hash(), config.settings_hash());
+        assert_ne!(contact.settings_hash(), config.settings_hash());
+    }
+
+    #[test]
+    fn out_of_range_is_named() {
+        let check = |config: EvalConfig, message: &str| {
+            assert_eq!(config.validate().unwrap_err().to_string(), message);
+        };
+        let config = EvalConfig::default();
+        check(EvalConfig { n_agents: 0, ..config.clone() }, "n_agents: found 0, expected 1 to 1000");
+        check(EvalConfig { lock_step: 0, ..config.clone() }, "lock_step: found 0, expected at least 1");
+        check(
+            EvalConfig { respawn_clearance: f32::NAN, ..config },
+            "respawn_clearance: found NaN, expected 0 to 1000 m",
+        );
+    }
+}

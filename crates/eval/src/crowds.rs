@@ -1,0 +1,99 @@
+//! The six crowds, made from settings, room and pool.
+
+use std::sync::Arc;
+
+use glam::Vec2;
+use jostle_peds::orca::{Obstacles, OrcaCrowd};
+use jostle_peds::social_force::{Border, SocialForceCrowd};
+use jostle_peds::{Crowd, CrowdKind, LearnedCrowd};
+use jostle_policy::PolicyFile;
+
+use crate::config::EvalConfig;
+use crate::error::EvalError;
+use crate::loaded::LoadedPolicy;
+use crate::report::PoolNote;
+
+/// The policies of learned pedestrians: the baseline ones, and the same at half their training (crowd SO).
+#[derive(Clone, Debug, Default)]
+pub struct Pools {
+    /// NH, IN and VA.
+    pub full: Vec<LoadedPolicy>,
+    /// SO.
+    pub half: Vec<LoadedPolicy>,
+}
+
+impl Pools {
+    /// The policies that drive `n_pedestrians` of a crowd, in their order; empty for VO and SF.
+    ///
+    /// Pedestrian i is driven by policy i modulo the pool's length; policies beyond the pedestrians are not used.
+    pub fn of(&self, crowd: CrowdKind, n_pedestrians: usize) -> &[LoadedPolicy] {
+        let pool = match crowd {
+            CrowdKind::Nh | CrowdKind::In | CrowdKind::Va => &self.full[..],
+            CrowdKind::So => &self.half,
+            CrowdKind::Vo | CrowdKind::Sf => &[],
+        };
+        &pool[..pool.len().min(n_pedestrians)]
+    }
+
+    /// What the report says of a crowd's pool; `None` for VO and SF.
+    pub fn note(&self, crowd: CrowdKind, n_pedestrians: usize) -> Option<PoolNote> {
+        crowd.is_learned().then(|| PoolNote {
+            policies: self.of(crowd, n_pedestrians).iter().map(|policy| policy.identity.clone()).collect(),
+            n_pedestrians,
+        })
+    }
+}
+
+/// Makes a crowd for rooms with the given polygons (clockwise around free space, counter-clockwise around obstacles).
+///
+/// # Errors
+///
+/// An empty pool, a policy whose observation is not the room's, settings out of range.
+pub fn make_crowd(
+    config: &EvalConfig,
+    kind: CrowdKind,
+    pools: &Pools,
+    polygons: &[Vec<Vec2>],
+) -> Result<Box<dyn Crowd>, EvalError> {
+    let (crowds, dt) = (&config.crowds, config.sim.episode.dt);
+    let visibility = crowds.visibility.of(kind);
+    Ok(match kind {
+        CrowdKind::Vo => {
+            let obstacles = Arc::new(Obstacles::new(polygons)?);
+            Box::new(OrcaCrowd::new(&crowds.orca, visibility, dt, obstacles)?)
+        }
+        CrowdKind::Sf => {
+            let borders = Border::from_polygons(polygons)?.into();
+            Box::new(SocialForceCrowd::new(&crowds.social_force, visibility, dt, borders)?)
+        }
+        CrowdKind::Nh | CrowdKind::In | CrowdKind::Va | CrowdKind::So => {
+            // An empty room needs no policies, but the crowd must exist.
+            let pool = pools.of(kind, config.n_pedestrians().max(1));
+            if pool.is_empty() {
+                return Err(EvalError::EmptyPool { crowd: kind });
+            }
+            for policy in pool {
+                check_observation(config, policy)?;
+            }
+            let files: Vec<PolicyFile> = pool.iter().map(|policy| policy.file.clone()).collect();
+            Box::new(LearnedCrowd::from_files(kind, &crowds.learned, config.backend, &files)?)
+        }
+    })
+}
+
+/// Refuses a policy that reads other observations than the room gives.
+///
+/// # Errors
+///
+/// [`EvalError::Setting`] names both lengths.
+pub fn check_observation(config: &EvalConfig, policy: &LoadedPolicy) -> Result<(), EvalError> {
+    let (found, expected) = (policy.file.network.observation_len(), config.sim.observation_len());
+    if found == expected {
+        return Ok(());
+    }
+    Err(EvalError::Setting {
+        field: "observation of the policy",
+        found: format!("{found} numbers in {}", policy.identity.name),
+        expected: format!("{expected}, as the simulator's laser gives"),
+    })
+}

@@ -1,0 +1,84 @@
+//! Who drives the robot: a trained policy, or any function of the observation.
+
+use jostle_policy::{Backend, Batch, Network, actor};
+
+use crate::error::EvalError;
+use crate::loaded::LoadedPolicy;
+
+/// A policy for the robot.
+///
+/// Rows of one call belong to different episodes, and which ones stand side by side depends on the lock step: the action
+/// of a row must be a function of that row alone.
+///
+/// # Examples
+///
+/// ```
+/// use jostle_eval::robot::{PerRow, RobotPolicy};
+/// // Straight on at full speed, whatever is seen.
+/// let mut blind = PerRow::new(|_row: &[f32]| [1.0, 0.0]);
+/// let mut actions = [[0.0; 2]; 2];
+/// blind.act(&[0.0; 2 * 1540], &mut actions);
+/// assert_eq!(actions, [[1.0, 0.0]; 2]);
+/// ```
+pub trait RobotPolicy: Send {
+    /// Answers one action (v, ω) for each observation. Actions are clipped to the robot's limits by the caller.
+    ///
+    /// # Shapes
+    ///
+    /// `observations` [B, row], row-major: scans oldest first, then the goal in the robot's frame and (v, ω), which are
+    /// the row's last four numbers. `actions` [B].
+    fn act(&mut self, observations: &[f32], actions: &mut [[f32; 2]]);
+}
+
+/// A policy made of a function of one observation.
+pub struct PerRow<F>(F);
+
+impl<F: FnMut(&[f32]) -> [f32; 2] + Send> PerRow<F> {
+    /// Wraps the function.
+    pub fn new(function: F) -> Self {
+        Self(function)
+    }
+}
+
+impl<F: FnMut(&[f32]) -> [f32; 2] + Send> RobotPolicy for PerRow<F> {
+    fn act(&mut self, observations: &[f32], actions: &mut [[f32; 2]]) {
+        let row_len = observations.len() / actions.len().max(1);
+        for (row, action) in observations.chunks_exact(row_len.max(1)).zip(actions) {
+            *action = (self.0)(row);
+        }
+    }
+}
+
+/// A trained policy with one behaviour token; it acts on the mean.
+pub struct TrainedRobot {
+    network: Box<dyn Network>,
+    token: u32,
+    tokens: Vec<u32>,
+}
+
+impl TrainedRobot {
+    /// Prepares a policy for inference.
+    ///
+    /// # Errors
+    ///
+    /// A token beyond the policy's behaviours; a back end that cannot be had.
+    pub fn new(policy: &LoadedPolicy, token: u32, backend: Backend) -> Result<Self, EvalError> {
+        let n_behaviours = policy.file.network.n_behaviours;
+        if token as usize >= n_behaviours {
+            return Err(EvalError::Setting {
+                field: "token",
+                found: token.to_string(),
+                expected: format!("less than the policy's {n_behaviours} behaviours"),
+            });
+        }
+        let network = actor(&policy.file.network, backend, &policy.file.actor)?;
+        Ok(Self { network, token, tokens: Vec::new() })
+    }
+}
+
+impl RobotPolicy for TrainedRobot {
+    fn act(&mut self, observations: &[f32], actions: &mut [[f32; 2]]) {
+        self.tokens.resize(actions.len(), self.token);
+        self.network.infer(Batch::new(observations, &self.tokens), actions.as_flattened_mut());
+    }
+}

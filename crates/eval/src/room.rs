@@ -1,0 +1,410 @@
+//! One test room: a robot (body 0) among pedestrians (bodies 1 …), for one episode.
+//!
+//! Reading order: [`EvalRoom::new`] (spawn), [`EvalRoom::step`] (a control period, in the order of its calls).
+//!
+//! Every draw comes from a stream named by its purpose and by the episode's index, so that episode k starts the same in
+//! every crowd, for every policy and at any lock step. What pedestrians draw later (goals, re-spawns) has a stream for
+//! each pedestrian.
+
+use glam::Vec2;
+use jostle_peds::{CrowdKind, Motion as Walk, Pedestrian, RoomView, Visibility};
+use jostle_sim::{
+    Hit, Laser, Motion, Observer, Outcome, Pose, ScanSummary, Scenario, Sensor, Shape, Spawner, StreamRng,
+    Streams, World, apply_limits, clip_action, crash, outcome,
+};
+
+use crate::config::{EvalConfig, PedestrianCrash};
+use crate::error::EvalError;
+use crate::metrics::{EpisodeMetrics, MetricScale, distance};
+use crate::outcome::EpisodeOutcome;
+
+/// The robot's index among the bodies.
+const ROBOT: usize = 0;
+
+/// What all rooms of a cell have in common.
+#[derive(Debug)]
+pub struct RoomPlan {
+    /// Settings.
+    pub config: EvalConfig,
+    /// The crowd.
+    pub crowd: CrowdKind,
+    /// What its pedestrians see.
+    pub visibility: Visibility,
+    /// Walls and obstacles.
+    pub scenario: Scenario,
+    /// Where starts and goals may be.
+    pub spawner: Spawner,
+    /// Control period, goal radius and speed as the metrics take them.
+    pub scale: MetricScale,
+}
+
+impl RoomPlan {
+    /// The plan of a cell.
+    ///
+    /// # Errors
+    ///
+    /// Settings out of range; a map that cannot be read.
+    pub fn new(config: &EvalConfig, crowd: CrowdKind) -> Result<Self, EvalError> {
+        config.validate()?;
+        let scenario = Scenario::new(&config.sim.room)?;
+        let world = scenario.build()?;
+        let spawner = Spawner::new(&config.sim.spawn, &world)?;
+        spawner.check_room(&world, config.n_agents)?;
+        Ok(Self {
+            config: config.clone(),
+            crowd,
+            visibility: config.crowds.visibility.of(crowd),
+            scenario,
+            spawner,
+            scale: metric_scale(config),
+        })
+    }
+
+    /// How many pedestrians sense by laser.
+    fn n_sensing(&self) -> usize {
+        if self.crowd.is_learned() { self.config.n_pedestrians() } else { 0 }
+    }
+
+    fn crash(&self) -> PedestrianCrash {
+        self.config.crash_of(self.crowd)
+    }
+}
+
+/// The settings as decimal numbers: 0.1, not the f32 nearest to it.
+pub fn metric_scale(config: &EvalConfig) -> MetricScale {
+    let decimal = |value: f32| value.to_string().parse().expect("a printed number can be read");
+    MetricScale {
+        dt: decimal(config.sim.episode.dt),
+        goal_radius: decimal(config.sim.episode.goal_radius),
+        v_max: decimal(config.sim.robot.v_max),
+    }
+}
+
+/// A finished episode.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FinishedEpisode {
+    /// Its index.
+    pub episode: u64,
+    /// How it ended.
+    pub outcome: EpisodeOutcome,
+    /// Steps until then.
+    pub steps: u64,
+    /// The robot's start.
+    pub start: [f32; 2],
+    /// Its goal.
+    pub goal: [f32; 2],
+    /// Time, way and extras.
+    pub metrics: EpisodeMetrics,
+}
+
+/// A room in one episode.
+pub struct EvalRoom {
+    episode: u64,
+    world: World,
+    laser: Laser,
+    start: Pose,
+    goal: Vec2,
+    velocity: [f32; 2],
+    pedestrians: Vec<Pedestrian>,
+    /// The robot's, then those of the pedestrians that sense.
+    observers: Vec<Observer>,
+    /// One row per observer.
+    observations: Vec<f32>,
+    speed_factor: Vec<f32>,
+    streams: Vec<StreamRng>,
+    ranges: Vec<f32>,
+    summaries: Vec<ScanSummary>,
+    motions: Vec<Motion>,
+    stalled: Vec<bool>,
+    respawned: Vec<bool>,
+    steps: u32,
+    path_length: f64,
+}
+
+impl EvalRoom {
+    /// Spawns episode `episode`: the robot first, so that its start and goal do not depend on the number of
+    /// pedestrians, then each pedestrian.
+    ///
+    /// # Errors
+    ///
+    /// If the room is too full for another body.
+    pub fn new(plan: &RoomPlan, laser: &Laser, episode: u64) -> Result<Self, EvalError> {
+        let (config, sim) = (&plan.config, &plan.config.sim);
+        let streams = Streams::new(config.seed);
+        let shape = Shape::Box { length: sim.robot.length, width: sim.robot.width };
+        let mut world = plan.scenario.build()?;
+        let mut spawn = streams.stream("eval.spawn", &[episode]);
+        let mut goals = Vec::with_capacity(config.n_agents);
+        for _ in 0..config.n_agents {
+            let (pose, goal) = plan.spawner.start_and_goal(&world, |_| true, &mut spawn)?;
+            world.add_body(&shape, pose)?;
+            goals.push(goal);
+        }
+        let pedestrian = |body: usize| {
+            let Pose { position, heading } = world.pose(body);
+            Pedestrian { position, velocity: Vec2::ZERO, heading, goal: goals[body] }
+        };
+        let indexed = |name: &str, body: usize| streams.stream(name, &[episode, body as u64]);
+        let n_observers = 1 + plan.n_sensing();
+        let mut factors = streams.stream("eval.speed_factor", &[episode]);
+        let draw = |_| config.crowds.draw_speed_factor(plan.crowd, &mut factors);
+        let mut room = Self {
+            episode,
+            laser: laser.sibling(),
+            start: world.pose(ROBOT),
+            goal: goals[ROBOT],
+            velocity: [0.0; 2],
+            pedestrians: (1..config.n_agents).map(pedestrian).collect(),
+            observers: (0..n_observers).map(|body| Observer::new(sim, indexed("eval.noise", body))).collect(),
+            observations: vec![0.0; n_observers * sim.observation_len()],
+            speed_factor: (1..config.n_agents).map(draw).collect(),
+            streams: (1..config.n_agents).map(|body| indexed("eval.pedestrian", body)).collect(),
+            ranges: vec![0.0; config.n_agents * sim.laser.beams],
+            summaries: vec![ScanSummary { min_range: 0.0, nearest: Hit::None }; config.n_agents],
+            motions: vec![Motion::Still; config.n_agents],
+            stalled: vec![false; config.n_agents],
+            respawned: vec![false; config.n_agents],
+            steps: 0,
+            path_length: 0.0,
+            world,
+        };
+        for body in 0..n_observers {
+            room.observe_first(plan, body);
+        }
+        Ok(room)
+    }
+
+    /// The episode's index.
+    pub fn episode(&self) -> u64 {
+        self.episode
+    }
+
+    /// The robot's observation.
+    pub fn robot_observation(&self) -> &[f32] {
+        &self.observations[..self.observations.len() / self.observers.len()]
+    }
+
+    /// The pedestrians as they stand.
+    pub fn pedestrians(&self) -> &[Pedestrian] {
+        &self.pedestrians
+    }
+
+    /// The pedestrians' speed factors.
+    pub fn speed_factors(&self) -> &[f32] {
+        &self.speed_factor
+    }
+
+    /// The robot as others may see it.
+    pub fn robot(&self) -> Pedestrian {
+        let pose = self.world.pose(ROBOT);
+        let velocity = pose.direction() * self.velocity[0];
+        Pedestrian { position: pose.position, velocity, heading: pose.heading, goal: self.goal }
+    }
+
+    /// What the crowd may know; `others` holds the robot where the visibility matrix lets it be seen, else nothing.
+    pub fn view<'a>(&'a self, others: &'a [Pedestrian]) -> RoomView<'a> {
+        RoomView {
+            pedestrians: &self.pedestrians,
+            others,
+            observations: &self.observations[self.robot_observation().len()..],
+            speed_factor: &self.speed_factor,
+        }
+    }
+
+    /// One control period: everyone moves and scans, the robot's end is looked for, everyone observes, and pedestrians
+    /// that arrived or crashed get new goals and places. As in training, the others see a re-placed body from their next
+    /// scan on. Returns the result once the episode has ended; the room is spent then.
+    ///
+    /// # Errors
+    ///
+    /// An action that is not finite; no place for a re-spawn.
+    pub fn step(
+        &mut self,
+        plan: &RoomPlan,
+        action: [f32; 2],
+        walks: &[Walk],
+    ) -> Result<Option<FinishedEpisode>, EvalError> {
+        self.advance(plan, action, walks)?;
+        self.scan_all(plan);
+        if let Some(outcome) = self.outcome(plan) {
+            return Ok(Some(self.finished(plan, outcome)));
+        }
+        let crashed: Vec<bool> = (1..self.motions.len()).map(|body| self.has_crashed(plan, body)).collect();
+        for (i, crashed) in crashed.into_iter().enumerate() {
+            self.renew_pedestrian(plan, i, crashed)?;
+        }
+        for body in 0..self.observers.len() {
+            self.observe(plan, body);
+        }
+        for body in 1..self.motions.len() {
+            if std::mem::take(&mut self.respawned[body]) && body < self.observers.len() {
+                self.observe_first(plan, body);
+            }
+        }
+        Ok(None)
+    }
+
+    /// Moves all bodies, the robot first.
+    fn advance(&mut self, plan: &RoomPlan, action: [f32; 2], walks: &[Walk]) -> Result<(), EvalError> {
+        let sim = &plan.config.sim;
+        let [v, w] = action;
+        if !(v.is_finite() && w.is_finite()) {
+            return Err(EvalError::Action { episode: self.episode, step: self.steps, v, w });
+        }
+        let dt = sim.episode.dt;
+        let command = clip_action(action, &sim.robot);
+        let executed = apply_limits(self.velocity, command, sim.robot.acceleration.as_ref(), dt);
+        self.motions[ROBOT] = Motion::Drive { v: executed[0], w: executed[1] };
+        for (motion, walk) in self.motions[1..].iter_mut().zip(walks) {
+            *motion = match *walk {
+                Walk::Walk { velocity } => Motion::Walk { velocity },
+                Walk::Drive { v, w } => Motion::Drive { v, w },
+            };
+        }
+        let directions: Vec<Vec2> =
+            (1..self.motions.len()).map(|body| self.world.pose(body).direction()).collect();
+        self.world.advance(&self.motions, dt, &mut self.stalled);
+        self.steps += 1;
+        self.velocity = if self.stalled[ROBOT] { [0.0; 2] } else { executed };
+        // Not the distance of the positions: in f32 their rounding adds up to 1e-5 m over an episode, and the way would
+        // exceed what the speed allows.
+        self.path_length += f64::from(self.velocity[0].abs()) * plan.scale.dt;
+        for (i, pedestrian) in self.pedestrians.iter_mut().enumerate() {
+            let pose = self.world.pose(i + 1);
+            pedestrian.position = pose.position;
+            pedestrian.heading = pose.heading;
+            pedestrian.velocity = match self.motions[i + 1] {
+                Motion::Walk { velocity } if !self.stalled[i + 1] => velocity,
+                Motion::Drive { v, .. } if !self.stalled[i + 1] => directions[i] * v,
+                _ => Vec2::ZERO,
+            };
+        }
+        Ok(())
+    }
+
+    /// Noise-free scans of the robot and of those pedestrians whose scan is needed.
+    fn scan_all(&mut self, plan: &RoomPlan) {
+        let needs_all = plan.crowd.is_learned() || plan.crash() == PedestrianCrash::Scan;
+        let n_scans = if needs_all { self.motions.len() } else { 1 };
+        for body in 0..n_scans {
+            self.scan(plan, body);
+        }
+    }
+
+    fn scan(&mut self, plan: &RoomPlan, body: usize) {
+        let beams = plan.config.sim.laser.beams;
+        let Visibility { pedestrians, robot } = plan.visibility;
+        let visible = |other| body == ROBOT || if other == ROBOT { robot } else { pedestrians };
+        let ranges = &mut self.ranges[body * beams..(body + 1) * beams];
+        self.summaries[body] = self.laser.scan(&self.world, Sensor::Body(body), visible, ranges);
+    }
+
+    /// Goal, then crash, then time limit.
+    fn outcome(&self, plan: &RoomPlan) -> Option<EpisodeOutcome> {
+        let limits = &plan.config.sim.episode;
+        let goal_distance = self.world.pose(ROBOT).position.distance(self.goal);
+        let crash = crash(self.summaries[ROBOT], limits.crash_range);
+        match outcome(goal_distance, limits.goal_radius, crash) {
+            Some(Outcome::Success) => Some(EpisodeOutcome::Success),
+            Some(Outcome::CollisionWall) => Some(EpisodeOutcome::CollisionWall),
+            Some(Outcome::CollisionAgent) => Some(EpisodeOutcome::CollisionPedestrian),
+            None => (self.steps >= limits.step_limit).then_some(EpisodeOutcome::Timeout),
+        }
+    }
+
+    fn finished(&self, plan: &RoomPlan, outcome: EpisodeOutcome) -> FinishedEpisode {
+        let (start, goal) = (self.start.position.to_array(), self.goal.to_array());
+        let straight = distance(start.map(f64::from), goal.map(f64::from));
+        let steps = u64::from(self.steps);
+        FinishedEpisode {
+            episode: self.episode,
+            outcome,
+            steps,
+            start,
+            goal,
+            metrics: EpisodeMetrics::from_totals(&plan.scale, outcome, steps, self.path_length, straight),
+        }
+    }
+
+    /// A new goal for a pedestrian that arrived, a new place and goal for one that crashed.
+    fn renew_pedestrian(&mut self, plan: &RoomPlan, i: usize, crashed: bool) -> Result<(), EvalError> {
+        let (body, rng) = (i + 1, &mut self.streams[i]);
+        let pedestrian = &mut self.pedestrians[i];
+        let arrived = pedestrian.position.distance(pedestrian.goal) < plan.config.sim.episode.goal_radius;
+        if crashed {
+            let clearance = plan.config.respawn_clearance;
+            let pose = plan.spawner.start(&self.world, |other| other != body, clearance, rng)?;
+            self.world.set_pose(body, pose);
+            (pedestrian.position, pedestrian.heading) = (pose.position, pose.heading);
+            pedestrian.velocity = Vec2::ZERO;
+            self.motions[body] = Motion::Still;
+            self.respawned[body] = true;
+        }
+        if crashed || arrived {
+            pedestrian.goal = plan.spawner.goal(&self.world, pedestrian.position, rng)?;
+        }
+        Ok(())
+    }
+
+    /// Whether a pedestrian ran into a wall, an obstacle or another pedestrian. The robot does not count.
+    fn has_crashed(&mut self, plan: &RoomPlan, body: usize) -> bool {
+        match plan.crash() {
+            PedestrianCrash::Contact => self.stalled[body] && !self.touches_robot_alone(plan, body),
+            PedestrianCrash::Scan => {
+                let limit = plan.config.sim.episode.crash_range;
+                let seen = self.summaries[body];
+                if plan.visibility.pedestrians && seen.nearest != Hit::Body(ROBOT) {
+                    return seen.min_range < limit;
+                }
+                if plan.visibility.pedestrians && seen.min_range >= limit {
+                    return false;
+                }
+                let beams = plan.config.sim.laser.beams;
+                let mut ranges = vec![0.0; beams];
+                let without_robot = |other| other != ROBOT;
+                self.laser.scan(&self.world, Sensor::Body(body), without_robot, &mut ranges).min_range < limit
+            }
+        }
+    }
+
+    /// Whether the robot may be what stopped a body: it is near, and nothing else is within reach of one step.
+    fn touches_robot_alone(&self, plan: &RoomPlan, body: usize) -> bool {
+        let reach = 2.0 * self.world.shape(body).circumradius() + step_length(self.motions[body], plan);
+        let position = self.world.pose(body).position;
+        let near = |other: usize| self.world.pose(other).position.distance(position) <= reach;
+        let others = (1..self.motions.len()).filter(|other| *other != body);
+        near(ROBOT) && !others.into_iter().any(near) && self.world.clearance(position) > reach / 2.0
+    }
+
+    /// The next row of an observer, from the scan that was taken.
+    fn observe(&mut self, plan: &RoomPlan, body: usize) {
+        self.write_row(plan, body, Observer::push);
+    }
+
+    /// The first row of an observer, from a scan of its own.
+    fn observe_first(&mut self, plan: &RoomPlan, body: usize) {
+        self.scan(plan, body);
+        self.write_row(plan, body, Observer::begin);
+    }
+
+    fn write_row(&mut self, plan: &RoomPlan, body: usize, frame: fn(&mut Observer, &[f32], &mut [f32])) {
+        let (beams, row_len) = (plan.config.sim.laser.beams, plan.config.sim.observation_len());
+        let row = &mut self.observations[body * row_len..(body + 1) * row_len];
+        let goal = if body == ROBOT { self.goal } else { self.pedestrians[body - 1].goal };
+        let velocity = match self.motions[body] {
+            Motion::Drive { v, w } if !self.stalled[body] => [v, w],
+            _ => [0.0; 2],
+        };
+        frame(&mut self.observers[body], &self.ranges[body * beams..(body + 1) * beams], row);
+        self.observers[body].write_motion(self.world.pose(body), goal, velocity, row);
+    }
+}
+
+fn step_length(motion: Motion, plan: &RoomPlan) -> f32 {
+    let dt = plan.config.sim.episode.dt;
+    match motion {
+        Motion::Still => 0.0,
+        Motion::Drive { v, .. } => v.abs() * dt,
+        Motion::Walk { velocity } => velocity.length() * dt,
+    }
+}
