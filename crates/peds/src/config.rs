@@ -1,0 +1,121 @@
+//! One config section for all crowds.
+
+use rand::Rng;
+use rand_distr::{Distribution, Uniform};
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    CrowdKind, PedsError, VisibilityMatrix, error::require, orca::OrcaConfig, social_force::SocialForceConfig,
+};
+
+/// Limits of the commands of learned pedestrians.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LearnedConfig {
+    /// Linear velocity is clipped to [0, `v_max`], m/s. Default 1, the robot's.
+    pub v_max: f32,
+    /// Angular velocity is clipped to ±`w_max`, rad/s. Default 1, the robot's.
+    pub w_max: f32,
+}
+
+impl Default for LearnedConfig {
+    fn default() -> Self {
+        Self { v_max: 1.0, w_max: 1.0 }
+    }
+}
+
+impl LearnedConfig {
+    /// Checks both limits.
+    ///
+    /// # Errors
+    /// A limit that is negative, not finite, or above 100.
+    pub fn validate(&self) -> Result<(), PedsError> {
+        let limit = |x: f32| (0.0..=100.0).contains(&x);
+        require(limit(self.v_max), "v_max", self.v_max.into(), "0 to 100 m/s")?;
+        require(limit(self.w_max), "w_max", self.w_max.into(), "0 to 100 rad/s")
+    }
+}
+
+/// Parameters of the six crowds.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CrowdsConfig {
+    /// Range of VA's speed factors, drawn uniformly per pedestrian and episode. Default 0.5 to 1.5 (paper, Sect. V).
+    pub speed_factor: [f32; 2],
+    /// Crowds NH, IN, VA and SO.
+    pub learned: LearnedConfig,
+    /// Crowd VO.
+    pub orca: OrcaConfig,
+    /// Crowd SF.
+    pub social_force: SocialForceConfig,
+    /// Who sees whom.
+    pub visibility: VisibilityMatrix,
+}
+
+impl Default for CrowdsConfig {
+    fn default() -> Self {
+        Self {
+            speed_factor: [0.5, 1.5],
+            learned: LearnedConfig::default(),
+            orca: OrcaConfig::default(),
+            social_force: SocialForceConfig::default(),
+            visibility: VisibilityMatrix::default(),
+        }
+    }
+}
+
+impl CrowdsConfig {
+    /// Checks every range.
+    ///
+    /// # Errors
+    /// The first field out of its range.
+    pub fn validate(&self) -> Result<(), PedsError> {
+        let [low, high] = self.speed_factor;
+        require((0.0..=100.0).contains(&low), "speed_factor[0]", low.into(), "0 to 100")?;
+        require((low..=100.0).contains(&high), "speed_factor[1]", high.into(), "speed_factor[0] to 100")?;
+        self.learned.validate()?;
+        self.orca.validate()?;
+        self.social_force.validate()
+    }
+
+    /// A pedestrian's speed factor for an episode. VA draws it from [`Self::speed_factor`], SF from its desired speed
+    /// if that is a distribution; elsewhere it is 1 and nothing is drawn. The config must be valid.
+    pub fn draw_speed_factor(&self, kind: CrowdKind, rng: &mut impl Rng) -> f32 {
+        let [low, high] = self.speed_factor;
+        match kind {
+            CrowdKind::Va => Uniform::new_inclusive(low, high).expect("a validated range").sample(rng),
+            CrowdKind::Sf => self.social_force.desired_speed.draw_factor(rng),
+            CrowdKind::Nh | CrowdKind::In | CrowdKind::So | CrowdKind::Vo => 1.0,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
+
+    use super::*;
+
+    #[test]
+    fn only_va_draws_by_default() {
+        let config = CrowdsConfig::default();
+        assert_eq!(config.validate(), Ok(()));
+        for kind in CrowdKind::ALL {
+            let mut rng = ChaCha8Rng::seed_from_u64(3);
+            let factors: Vec<f32> = (0..200).map(|_| config.draw_speed_factor(kind, &mut rng)).collect();
+            if kind == CrowdKind::Va {
+                assert!(factors.iter().all(|f| (0.5..=1.5).contains(f)));
+                assert!(factors.iter().any(|f| *f < 0.6) && factors.iter().any(|f| *f > 1.4));
+            } else {
+                assert!(factors.iter().all(|f| *f == 1.0));
+                assert_eq!(rng, ChaCha8Rng::seed_from_u64(3), "nothing may be drawn");
+            }
+        }
+    }
+
+    #[test]
+    fn a_reversed_range_is_refused() {
+        let config = CrowdsConfig { speed_factor: [1.5, 0.5], ..CrowdsConfig::default() };
+        assert!(config.validate().is_err());
+    }
+}

@@ -1,0 +1,208 @@
+//! The one trait that all six crowds share, and what passes through it (paper, Sect. V: the six unseen crowds).
+//!
+//! Architecture invariant: nothing here knows a simulator, a laser or a network. A crowd sees views of rooms and answers with motions.
+
+use std::{fmt, str::FromStr};
+
+use glam::Vec2;
+use serde::{Deserialize, Serialize};
+
+use crate::PedsError;
+
+/// The six crowds of the paper.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "UPPERCASE")]
+pub enum CrowdKind {
+    /// Learned pedestrians that see the robot ("naive humans").
+    Nh,
+    /// Learned pedestrians from whose scans the robot is removed ("inattentive").
+    In,
+    /// As `In`, each pedestrian's speed multiplied by a factor drawn per episode ("various").
+    Va,
+    /// As `Nh`, each policy taken at half its training ("sub-optimal").
+    So,
+    /// Optimal reciprocal collision avoidance (velocity obstacles).
+    Vo,
+    /// The social force model.
+    Sf,
+}
+
+impl CrowdKind {
+    /// All six, in the order of the paper's tables.
+    pub const ALL: [Self; 6] = [Self::Nh, Self::In, Self::Va, Self::So, Self::Vo, Self::Sf];
+
+    /// The two letters of the paper.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Nh => "NH",
+            Self::In => "IN",
+            Self::Va => "VA",
+            Self::So => "SO",
+            Self::Vo => "VO",
+            Self::Sf => "SF",
+        }
+    }
+
+    /// Whether the pedestrians are driven by trained policies (and so sense by laser).
+    pub fn is_learned(self) -> bool {
+        matches!(self, Self::Nh | Self::In | Self::Va | Self::So)
+    }
+}
+
+impl fmt::Display for CrowdKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for CrowdKind {
+    type Err = PedsError;
+
+    /// Upper case only, as the crowds are written everywhere.
+    fn from_str(name: &str) -> Result<Self, PedsError> {
+        Self::ALL
+            .into_iter()
+            .find(|kind| kind.name() == name)
+            .ok_or_else(|| PedsError::UnknownCrowd(name.to_owned()))
+    }
+}
+
+/// What one pedestrian does during the next control period.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Motion {
+    /// Moves with a velocity in world coordinates; its heading stays.
+    Walk {
+        /// m/s.
+        velocity: Vec2,
+    },
+    /// Drives like a robot.
+    Drive {
+        /// Linear velocity, m/s.
+        v: f32,
+        /// Angular velocity, rad/s, counter-clockwise.
+        w: f32,
+    },
+}
+
+impl Motion {
+    /// Standing still.
+    pub const STILL: Self = Self::Walk { velocity: Vec2::ZERO };
+}
+
+/// One pedestrian (or the robot, when it is seen) at one step, in world coordinates.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pedestrian {
+    /// Centre, m.
+    pub position: Vec2,
+    /// Velocity actually executed in the last step, m/s.
+    pub velocity: Vec2,
+    /// Heading, rad.
+    pub heading: f32,
+    /// Goal, m.
+    pub goal: Vec2,
+}
+
+/// What a crowd may know of one room at one step.
+#[derive(Debug, Clone, Copy)]
+pub struct RoomView<'a> {
+    /// The pedestrians that the crowd decides for.
+    pub pedestrians: &'a [Pedestrian],
+    /// Bodies that are not the crowd's: the robot. A crowd whose row of the visibility matrix hides it ignores them.
+    pub others: &'a [Pedestrian],
+    /// Observation rows `[pedestrians, row]` for crowds that sense by laser, else empty.
+    pub observations: &'a [f32],
+    /// One factor per pedestrian and episode (VA: executed speed; SF: desired speed), or empty where all are 1.
+    pub speed_factor: &'a [f32],
+}
+
+impl RoomView<'_> {
+    /// The factor of pedestrian `i`; 1 when none are given.
+    pub(crate) fn factor(&self, i: usize) -> f32 {
+        self.speed_factor.get(i).copied().unwrap_or(1.0)
+    }
+
+    /// An error unless there are no factors or one finite, non-negative factor for each pedestrian.
+    pub(crate) fn check_factors(&self) -> Result<(), PedsError> {
+        let (found, expected) = (self.speed_factor.len(), self.pedestrians.len());
+        if found != 0 && found != expected {
+            return Err(PedsError::Length { what: "speed_factor", found, expected });
+        }
+        for &factor in self.speed_factor {
+            let found = f64::from(factor);
+            crate::error::require((0.0..=100.0).contains(&factor), "speed_factor", found, "0 to 100")?;
+        }
+        Ok(())
+    }
+}
+
+/// A crowd: decides the motions of the pedestrians of many rooms at once, so that learned crowds infer in batches.
+///
+/// A decision is a function of the views alone: a crowd keeps no state between calls but scratch memory,
+/// so that a run can be resumed and rooms can be regrouped without changing a bit.
+pub trait Crowd: Send {
+    /// Which of the six.
+    fn kind(&self) -> CrowdKind;
+
+    /// Whether `decide` needs the rooms' observations.
+    fn senses_by_laser(&self) -> bool;
+
+    /// Decides one motion per pedestrian, concatenated room by room.
+    ///
+    /// # Errors
+    /// Lists whose lengths do not fit, and non-finite input.
+    fn decide(&mut self, rooms: &[RoomView<'_>], motions: &mut [Motion]) -> Result<(), PedsError>;
+}
+
+/// An error unless there is one motion for each pedestrian of all rooms.
+pub(crate) fn check_motions(rooms: &[RoomView<'_>], motions: &[Motion]) -> Result<(), PedsError> {
+    let expected = rooms.iter().map(|room| room.pedestrians.len()).sum();
+    let found = motions.len();
+    if found == expected { Ok(()) } else { Err(PedsError::Length { what: "motions", found, expected }) }
+}
+
+/// The rooms, each with its own part of the motions.
+pub(crate) fn with_motions<'r, 'a, 'm>(
+    rooms: &'r [RoomView<'a>],
+    mut motions: &'m mut [Motion],
+) -> Vec<(&'r RoomView<'a>, &'m mut [Motion])> {
+    rooms
+        .iter()
+        .map(|room| {
+            let (own, rest) = std::mem::take(&mut motions).split_at_mut(room.pedestrians.len());
+            motions = rest;
+            (room, own)
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_read_back() {
+        for kind in CrowdKind::ALL {
+            assert_eq!(kind.to_string().parse::<CrowdKind>(), Ok(kind));
+        }
+        assert_eq!("nh".parse::<CrowdKind>(), Err(PedsError::UnknownCrowd("nh".into())));
+    }
+
+    #[test]
+    fn motions_are_split_by_room() {
+        let someone =
+            Pedestrian { position: Vec2::ZERO, velocity: Vec2::ZERO, heading: 0.0, goal: Vec2::ZERO };
+        let crowd = [someone; 3];
+        let room = |n: usize| RoomView {
+            pedestrians: &crowd[..n],
+            others: &[],
+            observations: &[],
+            speed_factor: &[],
+        };
+        let rooms = [room(2), room(0), room(3)];
+        let mut motions = [Motion::STILL; 5];
+        let lengths: Vec<usize> =
+            with_motions(&rooms, &mut motions).iter().map(|(_, own)| own.len()).collect();
+        assert_eq!(lengths, [2, 0, 3]);
+        assert!(check_motions(&rooms, &motions[..4]).is_err());
+    }
+}

@@ -1,0 +1,97 @@
+//! What can be wrong with the input of a crowd model.
+
+/// Error of this crate: every variant names what was found and what was expected.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum PedsError {
+    /// A number of the input is NaN, infinite or too large for single precision to square twice.
+    #[error("{what} is ({x}, {y}); expected finite components of magnitude at most {limit:e}")]
+    Coordinates {
+        /// Which vector.
+        what: &'static str,
+        /// Its first component.
+        x: f64,
+        /// Its second component.
+        y: f64,
+        /// Largest accepted magnitude.
+        limit: f64,
+    },
+    /// A parameter is outside its range.
+    #[error("{field} = {found}; expected {expected}")]
+    OutOfRange {
+        /// Name of the parameter.
+        field: &'static str,
+        /// Value found.
+        found: f64,
+        /// The accepted range.
+        expected: &'static str,
+    },
+    /// An obstacle cannot be used.
+    #[error("obstacle {obstacle}: {found}; expected {expected}")]
+    Obstacle {
+        /// Index of the polygon in the list given.
+        obstacle: usize,
+        /// What was found.
+        found: String,
+        /// What was expected.
+        expected: &'static str,
+    },
+    /// An agent index beyond the last agent.
+    #[error("agent {agent} does not exist; there are {count}")]
+    NoSuchAgent {
+        /// Index asked for.
+        agent: usize,
+        /// Number of agents.
+        count: usize,
+    },
+    /// Two lists that belong together differ in length.
+    #[error("{what} has {found} entries; expected {expected}")]
+    Length {
+        /// Which list.
+        what: &'static str,
+        /// Its length.
+        found: usize,
+        /// The expected length.
+        expected: usize,
+    },
+    /// A name that is no crowd.
+    #[error("unknown crowd `{0}`; expected one of NH, IN, VA, SO, VO, SF")]
+    UnknownCrowd(String),
+    /// A crowd of one family was asked to be of another.
+    #[error("crowd {found} cannot be driven this way; expected one of {expected}")]
+    WrongKind {
+        /// The crowd asked for.
+        found: crate::CrowdKind,
+        /// The crowds that can be made so.
+        expected: &'static str,
+    },
+    /// A learned crowd without policies, or with a policy that does not fit.
+    #[error("policy pool: {0}")]
+    Pool(String),
+}
+
+/// Largest coordinate, speed or distance accepted: its fourth power is far from the end of `f32`.
+pub const MAGNITUDE_LIMIT: f32 = 1e6;
+
+/// The vector itself when both components are finite and at most [`MAGNITUDE_LIMIT`] in magnitude.
+pub(crate) fn checked(what: &'static str, vector: glam::Vec2) -> Result<glam::Vec2, PedsError> {
+    // NaN fails both comparisons.
+    if vector.x.abs() <= MAGNITUDE_LIMIT && vector.y.abs() <= MAGNITUDE_LIMIT {
+        return Ok(vector);
+    }
+    Err(PedsError::Coordinates {
+        what,
+        x: f64::from(vector.x),
+        y: f64::from(vector.y),
+        limit: f64::from(MAGNITUDE_LIMIT),
+    })
+}
+
+/// An error unless `ok` holds (written so that a NaN, for which no comparison holds, is refused).
+pub(crate) fn require(
+    ok: bool,
+    field: &'static str,
+    found: f64,
+    expected: &'static str,
+) -> Result<(), PedsError> {
+    if ok { Ok(()) } else { Err(PedsError::OutOfRange { field, found, expected }) }
+}

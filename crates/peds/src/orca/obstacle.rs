@@ -1,0 +1,142 @@
+//! Static polygons: rings of directed edges with the convexity of each vertex.
+//!
+//! SPDX-FileCopyrightText: 2008 University of North Carolina at Chapel Hill
+//! SPDX-License-Identifier: Apache-2.0
+//!
+//! Licensed under the Apache License, Version 2.0 (`LICENSE-APACHE` of this crate). Ported to Rust from the RVO2 Library
+//! (snape/RVO2, <https://gamma.cs.unc.edu/RVO2/>) by Jur van den Berg, Stephen J. Guy, Jamie Snape, Ming C. Lin and
+//! Dinesh Manocha; changed: see `NOTICE`.
+
+use glam::Vec2;
+
+use super::{
+    line::{left_of, normalise},
+    obstacle_tree::ObstacleTree,
+};
+use crate::{PedsError, error::checked};
+
+/// A vertex and the edge that leaves it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Vertex {
+    pub(super) point: Vec2,
+    /// Unit vector to the next vertex.
+    pub(super) direction: Vec2,
+    pub(super) next: u32,
+    pub(super) previous: u32,
+    pub(super) is_convex: bool,
+}
+
+/// The obstacles of a room, with the tree that finds the visible edges. Immutable: many simulators share one by `Arc`.
+#[derive(Debug, Clone, Default)]
+pub struct Obstacles {
+    pub(super) vertices: Vec<Vertex>,
+    pub(super) tree: ObstacleTree,
+}
+
+impl Obstacles {
+    /// Most edges accepted; building the tree takes up to cubic time in their number.
+    pub const MAX_EDGES: usize = 4096;
+
+    /// Polygons in RVO2's convention: counter-clockwise = solid, clockwise = a room that encloses, two vertices = a segment.
+    ///
+    /// # Errors
+    /// Fewer than two vertices, an edge shorter than 1 mm, non-finite coordinates, more than [`Self::MAX_EDGES`] edges.
+    pub fn new<P: AsRef<[Vec2]>>(polygons: &[P]) -> Result<Self, PedsError> {
+        let mut vertices = Vec::new();
+        for (obstacle, polygon) in polygons.iter().enumerate() {
+            let polygon = polygon.as_ref();
+            validate(obstacle, polygon, vertices.len())?;
+            push_ring(&mut vertices, polygon);
+        }
+        let tree = ObstacleTree::build(&mut vertices);
+        Ok(Self { vertices, tree })
+    }
+
+    /// Number of edges after the tree has split those that cross its lines.
+    pub fn len(&self) -> usize {
+        self.vertices.len()
+    }
+
+    /// Whether there is no obstacle.
+    pub fn is_empty(&self) -> bool {
+        self.vertices.is_empty()
+    }
+}
+
+fn validate(obstacle: usize, polygon: &[Vec2], n_before: usize) -> Result<(), PedsError> {
+    let refuse = |found: String, expected| Err(PedsError::Obstacle { obstacle, found, expected });
+    let n = polygon.len();
+    if n < 2 {
+        return refuse(format!("{n} vertices"), "at least 2");
+    }
+    if n_before + n > Obstacles::MAX_EDGES {
+        return refuse(format!("{} edges in all", n_before + n), "at most 4096");
+    }
+    for (i, &point) in polygon.iter().enumerate() {
+        checked("obstacle vertex", point)?;
+        let length = point.distance(polygon[(i + 1) % n]);
+        if length < 1e-3 {
+            return refuse(format!("edge {i} is {length} m long"), "edges of at least 0.001 m");
+        }
+    }
+    Ok(())
+}
+
+fn push_ring(vertices: &mut Vec<Vertex>, polygon: &[Vec2]) {
+    let first = vertices.len();
+    let n = polygon.len();
+    for (i, &point) in polygon.iter().enumerate() {
+        let next = (i + 1) % n;
+        let previous = (i + n - 1) % n;
+        vertices.push(Vertex {
+            point,
+            direction: normalise(polygon[next] - point),
+            next: (first + next) as u32,
+            previous: (first + previous) as u32,
+            is_convex: n == 2 || left_of(polygon[previous], point, polygon[next]) >= 0.0,
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn square() -> Vec<Vec2> {
+        vec![Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y]
+    }
+
+    #[test]
+    fn counter_clockwise_corners_are_convex_and_clockwise_ones_are_not() {
+        assert!(Obstacles::new(&[square()]).unwrap().vertices.iter().all(|v| v.is_convex));
+        let mut room = square();
+        room.reverse();
+        assert!(Obstacles::new(&[room]).unwrap().vertices.iter().all(|v| !v.is_convex));
+        assert!(Obstacles::new(&[[Vec2::ZERO, Vec2::X]]).unwrap().vertices.iter().all(|v| v.is_convex));
+    }
+
+    #[test]
+    fn a_cut_edge_keeps_the_ring_closed() {
+        // A pinwheel: the line through each segment crosses the next one.
+        let arm = |turn: usize| {
+            let rotation = [Vec2::X, Vec2::Y, -Vec2::X, -Vec2::Y][turn];
+            [rotation.rotate(Vec2::new(0.2, 1.0)), rotation.rotate(Vec2::new(3.0, 1.0))]
+        };
+        let obstacles = Obstacles::new(&[arm(0), arm(1), arm(2), arm(3)]).unwrap();
+        assert!(obstacles.len() > 8, "some segment must be cut");
+        for (i, vertex) in obstacles.vertices.iter().enumerate() {
+            assert_eq!(obstacles.vertices[vertex.next as usize].previous as usize, i);
+            assert_eq!(obstacles.vertices[vertex.previous as usize].next as usize, i);
+        }
+    }
+
+    #[test]
+    fn unusable_polygons_are_refused() {
+        assert!(Obstacles::new(&[vec![Vec2::ZERO]]).is_err());
+        assert!(Obstacles::new(&[vec![Vec2::ZERO, Vec2::X, Vec2::X]]).is_err());
+        assert!(Obstacles::new(&[vec![Vec2::ZERO, Vec2::NAN]]).is_err());
+        assert!(Obstacles::new(&[vec![Vec2::ZERO, Vec2::new(2e6, 0.0)]]).is_err());
+        let comb: Vec<Vec2> = (0..5000).map(|i| Vec2::new(i as f32, (i % 2) as f32)).collect();
+        assert!(Obstacles::new(&[comb]).is_err());
+    }
+}
