@@ -3,10 +3,11 @@
 //! The switch is [`Backend`], the field `backend` of a training config. Nothing is chosen in silence: asking for a
 //! device that is not there is an error.
 
+use crate::fast::FastNetwork;
 use crate::reference::{Actor, CandleNetwork, Critic, default_device};
 use crate::{Backend, Network, NetworkConfig, Parameters, PolicyError};
 
-/// An actor: outputs [B, 2], the means of v and ω.
+/// An actor: outputs `[B, 2]`, the means of v and ω.
 ///
 /// # Errors
 ///
@@ -19,14 +20,14 @@ pub fn actor(
 ) -> Result<Box<dyn Network>, PolicyError> {
     config.validate()?;
     match backend {
-        Backend::Fast => Err(no_fast_back_end()),
+        Backend::Fast => Ok(Box::new(FastNetwork::actor(config, parameters)?)),
         Backend::Reference => {
             Ok(Box::new(CandleNetwork::new(Actor::new(config), parameters, default_device()?)?))
         }
     }
 }
 
-/// A critic: outputs [B, 1], the value.
+/// A critic: outputs `[B, 1]`, the value.
 ///
 /// # Errors
 ///
@@ -38,14 +39,9 @@ pub fn critic(
 ) -> Result<Box<dyn Network>, PolicyError> {
     config.validate()?;
     match backend {
-        Backend::Fast => Err(no_fast_back_end()),
+        Backend::Fast => Ok(Box::new(FastNetwork::critic(config, parameters)?)),
         Backend::Reference => {
             Ok(Box::new(CandleNetwork::new(Critic::new(config), parameters, default_device()?)?))
         }
     }
-}
-
-/// The hand-shaped kernels are not part of this build.
-fn no_fast_back_end() -> PolicyError {
-    PolicyError::Config { field: "backend", found: "fast".to_owned(), expected: "reference".to_owned() }
 }

@@ -8,7 +8,7 @@ use common::oracle::{Head, Oracle};
 use common::{largest_deviation, noise, observations, parameters, small, tokens};
 use jostle_policy::{Backend, Batch, Network, NetworkConfig, Parameters, actor, critic};
 
-const BACKENDS: [Backend; 1] = [Backend::Reference];
+const BACKENDS: [Backend; 2] = [Backend::Reference, Backend::Fast];
 const HEADS: [Head; 2] = [Head::Actor, Head::Critic];
 
 fn network(
@@ -93,6 +93,29 @@ fn gradients_are_those_of_the_oracle() {
             }
         });
     }
+}
+
+#[test]
+fn the_number_of_threads_changes_no_bit() {
+    let config = NetworkConfig::default();
+    for_all(&config, |head, backend, parameters, _| {
+        // More rows than a chunk of any back end, and no multiple of one.
+        let n_rows = 67;
+        let (xs, zs) = (observations(&config, n_rows, 2), tokens(&config, n_rows));
+        let d: Vec<f32> = (0..n_rows * head.n_outputs()).map(|idx| noise(9, idx as u64) as f32).collect();
+        let run = |n_threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build().unwrap();
+            pool.install(|| {
+                let mut network = network(&config, head, backend, parameters);
+                let mut outputs = vec![0.0; d.len()];
+                network.forward(Batch::new(&xs, &zs), &mut outputs);
+                network.backward(&d);
+                (outputs, network.parameters_and_gradient().1.to_vec())
+            })
+        };
+        assert!(run(1) == run(2), "{backend:?} {head:?}: 1 and 2 threads differ");
+        assert!(run(2) == run(3), "{backend:?} {head:?}: 2 and 3 threads differ");
+    });
 }
 
 #[test]

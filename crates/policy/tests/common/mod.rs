@@ -55,8 +55,8 @@ pub fn small() -> NetworkConfig {
         beams: 17,
         n_behaviours: 3,
         embedding: 4,
-        laser_feature: 6,
-        hidden: 5,
+        laser_feature: 32,
+        hidden: 32,
         ..NetworkConfig::default()
     }
 }

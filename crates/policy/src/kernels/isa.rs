@@ -1,0 +1,50 @@
+//! Which instruction set the kernels use, found once at run time.
+
+use std::sync::OnceLock;
+
+/// An instruction set that this processor has.
+///
+/// The value is proof of that: outside this module it can only be had from [`detect`](Self::detect) and
+/// [`available`](Self::available), which ask the processor. The build stays portable.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Isa(pub(super) Level);
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Level {
+    Avx512,
+    Avx2,
+    Plain,
+}
+
+impl Isa {
+    /// The widest set of this processor; asked once.
+    pub fn detect() -> Self {
+        static FOUND: OnceLock<Isa> = OnceLock::new();
+        *FOUND.get_or_init(|| Self::available()[0])
+    }
+
+    /// All sets of this processor that there are kernels for, the widest first; plain Rust is always there.
+    pub fn available() -> Vec<Self> {
+        let mut found = Vec::new();
+        #[cfg(target_arch = "x86_64")]
+        {
+            if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("fma") {
+                found.push(Self(Level::Avx512));
+            }
+            if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+                found.push(Self(Level::Avx2));
+            }
+        }
+        found.push(Self(Level::Plain));
+        found
+    }
+
+    /// A name for reports.
+    pub fn name(self) -> &'static str {
+        match self.0 {
+            Level::Avx512 => "AVX-512",
+            Level::Avx2 => "AVX2 and FMA",
+            Level::Plain => "plain",
+        }
+    }
+}

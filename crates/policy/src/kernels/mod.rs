@@ -1,0 +1,55 @@
+//! Kernels of the fast back end: few, large, well-shaped matrix products over memory that is allocated once.
+//!
+//! Reading order: [`rows`] and [`outer`] (the two products that everything is made of), [`blocked`] (the one format of
+//! activations), [`linear`] and [`head`] (layers), [`adam`].
+//!
+//! All functions here are safe: they check lengths. `unsafe` is confined to this folder, to the few functions that use
+//! vector instructions ([`Isa`] proves that the processor has them) and to [`AlignedVec`]'s view of its memory. Each
+//! product has a plain Rust version next to it, and tests hold them together at odd sizes.
+//!
+//! # Determinism
+//!
+//! Work is divided at boundaries that depend on sizes alone, and every sum is made in one order: results have the same
+//! bits at any number of threads. They differ between instruction sets, which fuse multiply-adds or not.
+
+#![allow(unsafe_code)] // Vector intrinsics; see above.
+
+use rayon::prelude::*;
+
+pub mod adam;
+pub mod aligned;
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+#[cfg(target_arch = "x86_64")]
+mod avx512;
+pub mod blocked;
+pub mod head;
+pub mod isa;
+pub mod linear;
+pub mod outer;
+pub mod rows;
+mod tile;
+mod transpose;
+
+#[cfg(test)]
+pub(crate) mod tests;
+
+pub use adam::{AdamStep, adam_step};
+pub use aligned::AlignedVec;
+pub use blocked::{BLOCK, Chunks};
+pub use head::Head;
+pub use isa::Isa;
+pub use linear::{Forward, Linear};
+pub use outer::{Count, Steps, outer_products};
+pub use rows::{Finish, Grid, HALF, PANEL, Start, Strips, rows_times_panel};
+
+/// Does all parts, on several threads if there is more than one part.
+///
+/// A single part stays on the calling thread: handing it over would cost more than a small inference.
+pub(crate) fn map_parts<T: Send>(parts: Vec<T>, work: impl Fn(T) + Sync + Send) {
+    if parts.len() == 1 {
+        parts.into_iter().for_each(work);
+    } else {
+        parts.into_par_iter().for_each(work);
+    }
+}
