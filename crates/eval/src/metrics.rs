@@ -62,7 +62,7 @@ impl EpisodeMetrics {
             path_length,
             straight_distance,
             extra_time: success.then(|| time - to_edge / scale.v_max),
-            extra_distance: success.then(|| path_length - to_edge),
+            extra_distance: success.then_some(path_length - to_edge),
             average_speed: (success && steps > 0).then(|| path_length / time),
         }
     }

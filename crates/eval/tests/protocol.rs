@@ -73,6 +73,24 @@ fn threads_and_lock_step_do_not_change_a_bit() {
 }
 
 #[test]
+fn a_row_is_answered_alike_in_any_batch() {
+    let mut rng = jostle_sim::Streams::new(3).stream("rows", &[]);
+    let n_rows = 333;
+    let rows: Vec<f32> =
+        (0..n_rows * 1540).map(|_| rand::RngExt::random_range(&mut rng, -0.5..0.5)).collect();
+    let mut robot = TrainedRobot::new(&untrained(9), 1, EvalConfig::default().backend).unwrap();
+    let mut together = vec![[0.0; 2]; n_rows];
+    robot.act(&rows, &mut together);
+    for n_together in [1, 7, 64] {
+        let mut apart = vec![[0.0; 2]; n_rows];
+        for (rows, actions) in rows.chunks(n_together * 1540).zip(apart.chunks_mut(n_together)) {
+            robot.act(rows, actions);
+        }
+        assert_eq!(apart, together, "{n_together} rows a call");
+    }
+}
+
+#[test]
 fn a_file_is_reused_and_continued_to_the_same_bytes() {
     let folder = tempfile::tempdir().unwrap();
     let protocol = Protocol::new(brief(30), Pools::default()).unwrap();

@@ -54,7 +54,7 @@ impl Grid {
             format!("| {} |\n", cells.join(" | "))
         };
         let mut text = line(&self.header);
-        text += &format!("|{}\n", "---|".repeat(self.header.len()));
+        text = text + "|" + &"---|".repeat(self.header.len()) + "\n";
         for (_, row) in &self.rows {
             text += &line(row);
         }

@@ -221,7 +221,9 @@ impl SuccessTable {
                 .to_owned(),
         ];
         for row in &self.rows {
-            notes.extend(row_notes(&row.labels.join(" / "), row));
+            let labels = self.label_heads.iter().zip(&row.labels);
+            let label: Vec<String> = labels.map(|(head, label)| format!("{head} {label}")).collect();
+            notes.extend(row_notes(&label.join(", "), row));
         }
         notes
     }

@@ -81,7 +81,7 @@ impl PairedCounts {
         }
         let difference = b.abs_diff(c) as f64;
         let n = discordant as f64;
-        // b = c: the correction would turn a difference of 0 into one of 1; the statistic keeps its usual definition.
+        // For b = c this is −1, and its square 1: the corrected statistic as it is usually defined, without a floor at 0.
         let corrected = difference - 1.0;
         Mcnemar {
             p_exact: (2.0 * cdf_half_lower(b.min(c), discordant)).min(1.0),

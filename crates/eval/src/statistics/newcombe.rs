@@ -12,7 +12,7 @@ use super::{Interval, PairedCounts, wilson};
 /// # References
 ///
 /// R. G. Newcombe, Statistics in Medicine 17 (1998) 2635,
-/// doi:10.1002/(SICI)1097-0258(19981130)17:22<2635::AID-SIM954>3.0.CO;2-C.
+/// `doi:10.1002/(SICI)1097-0258(19981130)17:22<2635::AID-SIM954>3.0.CO;2-C`.
 pub fn paired_difference(counts: &PairedCounts) -> Option<Interval> {
     let n = counts.pairs();
     let second = wilson(counts.both + counts.second_only, n)?;

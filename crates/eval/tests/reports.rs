@@ -1,0 +1,109 @@
+//! Tables as they are printed, and the metric D.
+
+mod common;
+
+use common::{brief, pools, seek, untrained};
+use jostle_eval::diversity::{diversity, trajectory};
+use jostle_eval::report::{CellResult, Comparison, Evaluation, SuccessTable};
+use jostle_eval::{EvalConfig, EvalError, PerRow, Pools, Protocol, Subject};
+use jostle_peds::CrowdKind;
+use jostle_sim::SimConfig;
+
+/// The first two rows of Table 1 filled by a goal seeker that goes by two identities.
+fn filled() -> SuccessTable {
+    let mut table = SuccessTable::table_1();
+    let few = Pools { full: pools().full[..2].to_vec(), ..pools() };
+    let protocol = Protocol::new(brief(30), few).unwrap();
+    for row in 0..2 {
+        let identity = untrained(row as u64).identity;
+        let subject = Subject { identity: &identity, token: 0 };
+        let cells = [CrowdKind::Vo, CrowdKind::Nh].map(|crowd| {
+            let run = protocol.evaluate(&mut PerRow::new(seek), subject, crowd, 4, None, |_| ()).unwrap();
+            let versus_baseline = (row == 1).then(|| Comparison::of(&run.records, &run.records).unwrap());
+            CellResult { versus_baseline, ..run.result }
+        });
+        table.rows[row].cells = cells.to_vec();
+        table.rows[row].policy = Some(identity);
+    }
+    table.rows[2].note = Some("train it by the command above".to_owned());
+    table
+}
+
+#[test]
+fn table_1_stands_beside_the_papers() {
+    let table = filled();
+    let text = table.text();
+    for line in [
+        "M   updates  updates/M",
+        "paper  0.87         0.85  0.86  0.72  0.78         0.77  0.81",
+        "M 1, updates 5000, updates/M 5000: untrained-0 (sha256 0000000000000000, config config-0, seed 0, commit 0000000, 0 updates, \
+         0 transitions), z = 0, N = 5, 4 episodes per crowd",
+        "M 5, updates 5000, updates/M 1000: p VO 1.000, NH 1.000",
+        "M 1, updates 5000, updates/M 5000, NH: 2 policies are cycled among 4 pedestrians",
+        "M 10, updates 5000, updates/M 500: no policy has been trained for this row yet",
+        "M 10, updates 5000, updates/M 500: train it by the command above",
+    ] {
+        assert!(text.contains(line), "`{line}` is not in\n{text}");
+    }
+    assert_eq!(text, filled().text());
+    let markdown = table.markdown();
+    assert!(markdown.starts_with("## Table 1.") && markdown.contains("| 1 | 5000 | 5000 | ours |"));
+    let csv = table.csv();
+    assert_eq!(csv.lines().count(), 1 + 6 * 6);
+    let n_fields = csv.lines().next().unwrap().split(',').count();
+    assert!(csv.lines().all(|line| line.split(',').count() == n_fields));
+    assert_eq!(serde_json::from_str::<SuccessTable>(&table.json()).unwrap(), table);
+}
+
+#[test]
+fn tables_2_and_3_have_their_rows() {
+    let (second, third) = (SuccessTable::table_2(), SuccessTable::table_3());
+    assert_eq!((second.rows.len(), second.rows[5].n_agents), (6, 20));
+    assert!(third.text().contains("1.10") && third.text().contains("state_action"));
+}
+
+#[test]
+fn an_average_needs_all_six_crowds() {
+    let mut row = filled().rows.swap_remove(0);
+    assert_eq!(row.average(), None);
+    let cell = row.cells[0].clone();
+    row.cells = CrowdKind::ALL.map(|crowd| CellResult { crowd, ..cell.clone() }).to_vec();
+    assert_eq!(row.average(), cell.summary.success_rate);
+}
+
+#[test]
+fn an_evaluation_has_a_row_for_each_crowd() {
+    let row = filled().rows.swap_remove(0);
+    let evaluation = Evaluation { policy: row.policy.unwrap(), token: 0, n_agents: 5, cells: row.cells };
+    assert!(evaluation.text().contains("NH: pedestrians driven by untrained-1 (sha256"));
+    assert_eq!(evaluation.csv().lines().count(), 3);
+    assert!(evaluation.markdown().contains("| VO | 4 |"));
+    assert_eq!(serde_json::from_str::<Evaluation>(&evaluation.json()).unwrap(), evaluation);
+}
+
+#[test]
+fn d_is_the_mean_pairwise_divergence_on_a_trajectory() {
+    let (sim, backend) = (SimConfig::default(), EvalConfig::default().backend);
+    let states = trajectory(&untrained(1), &sim, backend, 3, 7, 50).unwrap();
+    assert_eq!(states.len(), 50 * 1540);
+    assert_eq!(states, trajectory(&untrained(1), &sim, backend, 3, 7, 50).unwrap());
+    assert_ne!(states, trajectory(&untrained(1), &sim, backend, 3, 8, 50).unwrap());
+
+    let mut policy = untrained(2);
+    let two = diversity(&policy, backend, &states).unwrap();
+    assert_eq!((two.n_states, two.sigma, two.pairwise.len()), (50, [1.0, 1.0], 4));
+    // With one σ for all, KL is symmetric and grows with 1/σ².
+    assert!(two.d > 0.0 && (two.d - two.pairwise[1]).abs() < 1e-12 && two.pairwise[0] == 0.0);
+    let log_std = policy.file.actor.layout().range("log_std").unwrap();
+    policy.file.actor.flat_mut()[log_std].fill(-1.0);
+    let narrow = diversity(&policy, backend, &states).unwrap();
+    assert!((narrow.d / two.d - 1.0_f64.exp().powi(2)).abs() < 1e-6);
+    // Two tokens that share an embedding are one behaviour.
+    let embedding = policy.file.actor.layout().range("embedding.weight").unwrap();
+    policy.file.actor.flat_mut()[embedding].fill(0.5);
+    assert_eq!(diversity(&policy, backend, &states).unwrap().d, 0.0);
+    assert!(matches!(
+        diversity(&policy, backend, &states[..7]),
+        Err(EvalError::Diversity(_) | EvalError::Policy(_))
+    ));
+}
