@@ -18,7 +18,8 @@ type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
 fn main() -> Outcome<()> {
     let folder = std::env::args().nth(1).ok_or("give the folder of the fixtures")?;
-    for backend in [Backend::Reference] {
+    for backend in [Backend::Reference, Backend::Fast] {
+        println!("{backend:?}");
         for name in ["forward_m1", "forward_m5"] {
             let path = Path::new(&folder).join(format!("{name}.safetensors"));
             let mut case = Case::read(&path, &path, backend)?;

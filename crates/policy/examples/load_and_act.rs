@@ -10,7 +10,7 @@ use jostle_policy::{Backend, Batch, PolicyFile, actor};
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let path = std::env::args().nth(1).ok_or("give the path of a checkpoint or policy")?;
     let policy = PolicyFile::load(path)?;
-    let mut actor = actor(&policy.network, Backend::Reference, &policy.actor)?;
+    let mut actor = actor(&policy.network, Backend::default(), &policy.actor)?;
 
     let scans = policy.network.frames * policy.network.beams;
     let mut observation = vec![0.5; policy.network.observation_len()]; // 10 m / 10 − 0.5

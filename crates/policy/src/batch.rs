@@ -6,7 +6,7 @@ use crate::PolicyError;
 ///
 /// # Shapes
 ///
-/// `observations` [N, width] row-major, `tokens` [N]; `rows` [B] picks B of the N rows, in that order (a minibatch of a
+/// `observations` `[N, width]` row-major, `tokens` `[N]`; `rows` `[B]` picks B of the N rows, in that order (a minibatch of a
 /// rollout, without copying it). Without `rows`, B = N.
 #[derive(Debug, Clone, Copy)]
 pub struct Batch<'a> {

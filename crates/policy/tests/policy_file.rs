@@ -114,6 +114,13 @@ fn a_failed_write_changes_nothing() {
     assert_eq!(fs::read(&path).unwrap(), before);
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "no partial file stays");
 
+    // A folder stands where the file should go: everything works but the last step.
+    let taken = folder.path().join("taken");
+    fs::create_dir(&taken).unwrap();
+    let error = small_policy().write(&taken, Precision::F32).unwrap_err().to_string();
+    assert!(error.contains("cannot replace"), "{error}");
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2, "no partial file stays");
+
     let nowhere = folder.path().join("no such folder").join("policy");
     let error = small_policy().write(&nowhere, Precision::F32).unwrap_err().to_string();
     assert!(error.contains("cannot write"), "{error}");

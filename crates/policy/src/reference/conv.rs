@@ -30,8 +30,8 @@ use super::Weights;
 ///
 /// # Shapes
 ///
-/// `xs` [B, positions, inputs], weight `[outputs, inputs, kernel]` (odd kernel) → [B, (positions + 2 − kernel)/2 + 1,
-/// outputs]
+/// `xs` `[B, positions, inputs]`, weight `[outputs, inputs, kernel]` (odd kernel) → `[B, windows, outputs]` with
+/// ⌊(positions + 2 − kernel)/2⌋ + 1 windows
 pub fn conv1d(xs: &Tensor, weights: &Weights, name: &str) -> Result<Tensor> {
     let weight = weights.get(&format!("{name}.weight"))?;
     let bias = weights.get(&format!("{name}.bias"))?;

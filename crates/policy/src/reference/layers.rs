@@ -8,7 +8,7 @@ use super::Weights;
 ///
 /// # Shapes
 ///
-/// `xs` [B, inputs] → [B, outputs]
+/// `xs` `[B, inputs]` → `[B, outputs]`
 pub fn linear(xs: &Tensor, weights: &Weights, name: &str) -> Result<Tensor> {
     let weight = weights.get(&format!("{name}.weight"))?;
     let bias = weights.get(&format!("{name}.bias"))?;
@@ -21,4 +21,20 @@ pub fn linear(xs: &Tensor, weights: &Weights, name: &str) -> Result<Tensor> {
 pub fn relu(xs: &Tensor) -> Result<Tensor> {
     let positive = xs.detach().gt(0_f32)?.to_dtype(xs.dtype())?;
     xs * positive
+}
+
+#[cfg(test)]
+mod tests {
+    use candle_core::{Device, Var};
+
+    use super::*;
+
+    #[test]
+    fn relu_passes_no_gradient_at_zero() {
+        let xs = Var::new(&[-1.0_f32, 0.0, 2.0], &Device::Cpu).unwrap();
+        let ys = relu(&xs).unwrap();
+        assert_eq!(ys.to_vec1::<f32>().unwrap(), [0.0, 0.0, 2.0]);
+        let gradients = ys.sum_all().unwrap().backward().unwrap();
+        assert_eq!(gradients.get(&xs).unwrap().to_vec1::<f32>().unwrap(), [0.0, 0.0, 1.0]);
+    }
 }

@@ -44,16 +44,16 @@ pub trait Model: Send {
     ///
     /// # Shapes
     ///
-    /// `observations` [B, `observation_len`], `tokens` [B] (U32) → [B, `n_outputs`]
+    /// `observations` `[B, observation_len]`, `tokens` `[B]` (U32) → `[B, n_outputs]`
     fn forward(&self, weights: &Weights, observations: &Tensor, tokens: &Tensor) -> Result<Tensor>;
 }
 
 /// The two inner layers of a trunk that a comparison may want to see.
 #[derive(Debug, Clone)]
 pub struct Features {
-    /// [B, 256], behind the ReLU of `fc1`.
+    /// `[B, 256]`, behind the ReLU of `fc1`.
     pub laser_feature: Tensor,
-    /// [B, 128], behind the ReLU of `fc2`.
+    /// `[B, 128]`, behind the ReLU of `fc2`.
     pub hidden: Tensor,
 }
 

@@ -46,7 +46,7 @@ impl<M: Model> CandleNetwork<M> {
         &self.weights
     }
 
-    /// The rows of a batch as tensors: observations [B, width] and tokens [B].
+    /// The rows of a batch as tensors: observations `[B, width]` and tokens `[B]`.
     ///
     /// # Panics
     ///
