@@ -26,7 +26,7 @@ pub trait RobotPolicy: Send {
     /// # Shapes
     ///
     /// `observations` [B, row], row-major: scans oldest first, then the goal in the robot's frame and (v, ω), which are
-    /// the row's last four numbers. `actions` [B].
+    /// the row's last four numbers. `actions` `[B]`.
     fn act(&mut self, observations: &[f32], actions: &mut [[f32; 2]]);
 }
 

@@ -1,7 +1,7 @@
 //! Statistics of success rates: the Wilson interval, `McNemar`'s tests and Newcombe's interval of a paired
 //! difference, all in f64.
 //!
-//! Reading order: [`wilson`], [`mcnemar`], [`newcombe`]; [`binomial`] holds the sums that they need.
+//! Reading order: [`mod@wilson`], [`mcnemar`], [`newcombe`]; [`binomial`] holds the sums that they need.
 
 pub mod binomial;
 pub mod mcnemar;
