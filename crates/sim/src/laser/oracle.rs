@@ -1,7 +1,7 @@
 //! The oracle kernel: one parry ray cast per beam and shape, over the beams that the shape's bounding circle covers.
 //!
 //! parry's own cast of a segment (and so of a polygon's sides) is off by more than 1e-4 m on some beams, rarely by a
-//! metre, so sides are solved here, in f64. Directions are computed in the world frame: nothing is shared with the
+//! metre, and its cast of a small ball far away loses 1e-4 m to cancellation: sides and discs are solved here, in f64. Directions are computed in the world frame: nothing is shared with the
 //! closed forms but the table of beam angles.
 
 use super::{Directions, Hit, ScanSummary, rotation};
@@ -77,9 +77,8 @@ fn cast_solid(solid: &Solid, ray: &Ray, range: f32) -> Option<f32> {
         Outline::Closed(vertices) if solid.parry.as_cuboid().is_none() => {
             cast_sides(&local(solid, ray), vertices)
         }
-        Outline::Closed(_) | Outline::Circle(_) => {
-            solid.parry.cast_ray(&solid.parry_pose(), ray, range, true)
-        }
+        Outline::Circle(radius) => cast_disc(&local(solid, ray), f64::from(*radius)),
+        Outline::Closed(_) => solid.parry.cast_ray(&solid.parry_pose(), ray, range, true),
     }
 }
 
@@ -100,6 +99,16 @@ fn cast_sides(ray: &(DVec2, DVec2), vertices: &[Vec2]) -> Option<f32> {
         return Some(0.0);
     }
     sides().filter_map(|(a, b)| cast_side(ray, *a, *b)).reduce(f32::min)
+}
+
+/// Ray against a disc around the origin; 0 from inside it.
+fn cast_disc((origin, direction): &(DVec2, DVec2), radius: f64) -> Option<f32> {
+    if origin.length() <= radius {
+        return Some(0.0);
+    }
+    let (ahead, beside) = (-direction.dot(*origin), direction.perp_dot(*origin));
+    let t = ahead - (radius * radius - beside * beside).max(0.0).sqrt();
+    (ahead > 0.0 && beside.abs() <= radius).then_some(t as f32)
 }
 
 /// Ray against segment: origin + t·d = a + u·(b − a), 0 ≤ u ≤ 1, 0 ≤ t.
