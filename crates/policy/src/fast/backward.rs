@@ -166,7 +166,7 @@ impl FastNetwork {
             let width = self.config.embedding;
             let d_embedding = &scratch.d_tail[row * tail_row + TAIL_LEN..][..width];
             add(&mut embedding[kept.tokens[first + row] as usize * width..], d_embedding);
-            let gradient = ConvParts {
+            let mut gradient = ConvParts {
                 weight1: &mut *weight1,
                 bias1: &mut *bias1,
                 weight2: &mut *weight2,
@@ -175,7 +175,7 @@ impl FastNetwork {
             let padded = &kept.scans[(first + row) * scans_len..][..scans_len];
             let d_out = &scratch.d_x[row * x_row..][..self.fc1.inputs()];
             let transposed = &self.transposed.conv2;
-            self.conv.backward(isa, parameters, transposed, padded, d_out, &mut scratch.conv, gradient);
+            self.conv.backward(isa, parameters, transposed, padded, d_out, &mut scratch.conv, &mut gradient);
         }
     }
 }

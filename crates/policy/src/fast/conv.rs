@@ -138,6 +138,7 @@ impl Convolutions {
     /// Adds one sample's gradients; `d_out` `[len2, 32]` is already behind the ReLU of conv2.
     ///
     /// `transposed2` is [`transpose2`](Self::transpose2) of the present weights.
+    #[allow(clippy::too_many_arguments)] // What the forward pass kept, what comes in, what goes out.
     pub(super) fn backward(
         &self,
         isa: Isa,
@@ -146,7 +147,7 @@ impl Convolutions {
         padded: &[f32],
         d_out: &[f32],
         scratch: &mut ConvScratch,
-        gradient: ConvParts<&mut [f32]>,
+        gradient: &mut ConvParts<&mut [f32]>,
     ) {
         let ConvScratch { hidden, d_hidden } = scratch;
         self.conv1(isa, parameters, padded, hidden);

@@ -26,7 +26,7 @@ pub(super) unsafe fn rows<const ROW: usize>(
     panel: &[f32],
     start: Start<'_>,
     finish: Finish<'_>,
-    out: Grid<&mut [f32]>,
+    out: &mut Grid<&mut [f32]>,
 ) {
     let out = Grid { data: out.data.as_mut_ptr(), row: out.row, half: out.half };
     for half in 0..2 {

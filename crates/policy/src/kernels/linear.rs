@@ -81,7 +81,7 @@ impl Linear {
                 let start = if group == 0 { Start::Bias(&bias[panel * PANEL..]) } else { Start::Accumulate };
                 let finish = if relu && last_group { Finish::Relu } else { Finish::Store };
                 let y = &mut y[panel * 2 * stride..];
-                self.forward_panel(isa, rows, stride, x, weights, start, finish, y);
+                Self::forward_panel(isa, rows, stride, x, weights, start, finish, y);
             }
         }
     }
@@ -89,7 +89,6 @@ impl Linear {
     /// One panel of one group: the whole blocks, then what is left of the inputs.
     #[allow(clippy::too_many_arguments)] // The operands of one product.
     fn forward_panel(
-        &self,
         isa: Isa,
         rows: usize,
         stride: usize,

@@ -65,7 +65,7 @@ pub fn outer_products(
         // SAFETY: an `Isa` exists only where the processor has it; the lengths are checked above.
         #[cfg(target_arch = "x86_64")]
         Level::Avx512 => unsafe {
-            super::avx512::outer(Tiles::new(rows, 14), count, &a, &b, accumulate, out)
+            super::avx512::outer(Tiles::new(rows, 14), count, &a, &b, accumulate, out);
         },
         // SAFETY: as above.
         #[cfg(target_arch = "x86_64")]

@@ -89,7 +89,7 @@ pub fn rows_times_panel<const ROW: usize>(
     panel: &[f32],
     start: Start<'_>,
     finish: Finish<'_>,
-    out: Grid<&mut [f32]>,
+    mut out: Grid<&mut [f32]>,
 ) {
     if rows == 0 || a.blocks == 0 || a.block_len == 0 {
         assert!(rows == 0, "a product over nothing");
@@ -109,14 +109,14 @@ pub fn rows_times_panel<const ROW: usize>(
         // SAFETY: an `Isa` exists only where the processor has it; the lengths are checked above.
         #[cfg(target_arch = "x86_64")]
         Level::Avx512 => unsafe {
-            super::avx512::rows::<ROW>(Tiles::new(rows, 14), &a, panel, start, finish, out);
+            super::avx512::rows::<ROW>(Tiles::new(rows, 14), &a, panel, start, finish, &mut out);
         },
         // SAFETY: as above.
         #[cfg(target_arch = "x86_64")]
         Level::Avx2 => unsafe {
-            super::avx2::rows::<ROW>(Tiles::new(rows, 6), &a, panel, start, finish, out);
+            super::avx2::rows::<ROW>(Tiles::new(rows, 6), &a, panel, start, finish, &mut out);
         },
-        _ => plain::<ROW>(rows, a, panel, start, finish, out),
+        _ => plain::<ROW>(rows, a, panel, start, finish, &mut out),
     }
 }
 
@@ -127,7 +127,7 @@ fn plain<const ROW: usize>(
     panel: &[f32],
     start: Start<'_>,
     finish: Finish<'_>,
-    out: Grid<&mut [f32]>,
+    out: &mut Grid<&mut [f32]>,
 ) {
     for m in 0..rows {
         let mut sums = [0.0_f32; PANEL];
