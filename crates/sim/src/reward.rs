@@ -17,8 +17,8 @@ pub fn outcome(goal_distance: f32, goal_radius: f32, crash: Option<Outcome>) -> 
 ///
 /// # Formula
 ///
-/// r = r_goal if the goal was reached, else r_collision if crashed, else c·(d_{t−1} − d_t);
-/// plus r_rotation·|ω| where |ω| exceeds the threshold.
+/// `r = r_goal` if the goal was reached, else `r_collision` if crashed, else `c·(d_{t−1} − d_t)`;
+/// plus `r_rotation·|ω|` where |ω| exceeds the threshold.
 pub fn reward(config: &RewardConfig, outcome: Option<Outcome>, progress: f32, w: f32) -> f32 {
     let main = match outcome {
         Some(Outcome::Success) => config.goal,
@@ -42,7 +42,7 @@ pub struct ZoneBody {
 ///
 /// # Formula
 ///
-/// Ego: −w_e·(d_e − d_min) where `crash_range` ≤ d_min < d_e. Social: −w_s·Σ overlap over the others, where a body's
+/// Ego: `−w_e·(d_e − d_min)` where `crash_range ≤ d_min < d_e`. Social: `−w_s·Σ overlap` over the others, where a body's
 /// zone is a disc around p + ½·h·u of radius ρ + ½·h·|u| (it reaches h·|u| further ahead than behind), and the
 /// overlap of two zones is max(0, 1 − distance/(sum of the radii)).
 pub fn safety_zone(

@@ -31,7 +31,7 @@ pub(crate) struct Episode {
     pub(crate) straight_distance: f32,
     pub(crate) steps: u32,
     pub(crate) path_length: f64,
-    pub(crate) episode_return: f64,
+    pub(crate) reward_sum: f64,
 }
 
 /// One robot's random streams and observer.
@@ -70,7 +70,7 @@ impl Room {
         laser: &Laser,
         n_agents: usize,
         n_behaviours: u32,
-        streams: &Streams,
+        streams: Streams,
         room: u64,
     ) -> Result<Self, SimError> {
         let mut world = scenario.build()?;
@@ -177,7 +177,7 @@ impl Room {
         let episode = &mut self.episodes[agent];
         episode.goal_distance = goal_distance;
         episode.steps += 1;
-        episode.episode_return += f64::from(worth);
+        episode.reward_sum += f64::from(worth);
         let end = match ended {
             Some(outcome) => StepEnd::Terminated(outcome),
             None if episode.steps >= limits.step_limit => StepEnd::Truncated,
@@ -235,7 +235,7 @@ fn summary(episode: &Episode, token: u32) -> EpisodeSummary {
         steps: episode.steps,
         path_length: episode.path_length,
         straight_distance: episode.straight_distance,
-        episode_return: episode.episode_return,
+        episode_return: episode.reward_sum,
         token,
     }
 }

@@ -43,6 +43,7 @@ pub struct Transition {
 /// assert!(rooms.transitions().iter().all(|t| t.executed == [1.0, 0.0]));
 /// # Ok::<(), jostle_sim::SimError>(())
 /// ```
+#[allow(clippy::struct_field_names, reason = "the rooms of `Rooms`")]
 pub struct Rooms {
     pub(crate) config: Arc<SimConfig>,
     pub(crate) streams: Streams,
@@ -69,7 +70,7 @@ impl Rooms {
         n_behaviours: u32,
         streams: &Streams,
     ) -> Result<Self, SimError> {
-        let mut rooms = Self::unplaced(config, n_rooms, n_agents, n_behaviours, streams)?;
+        let mut rooms = Self::unplaced(config, n_rooms, n_agents, n_behaviours, *streams)?;
         rooms.rooms[0].check()?;
         let mut all = rooms.all_mut();
         all.try_for_each(|room, mut buffers| room.begin(&mut buffers))?;
@@ -81,7 +82,7 @@ impl Rooms {
         n_rooms: usize,
         n_agents: usize,
         n_behaviours: u32,
-        streams: &Streams,
+        streams: Streams,
     ) -> Result<Self, SimError> {
         config.validate()?;
         for (field, count) in
@@ -102,7 +103,7 @@ impl Rooms {
             finals: vec![0.0; n * config.observation_len()],
             tokens: vec![0; n],
             transitions: vec![Transition::default(); n],
-            streams: *streams,
+            streams,
             config,
             n_agents,
             n_behaviours,

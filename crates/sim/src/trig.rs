@@ -1,6 +1,8 @@
 //! Trigonometry whose bits depend neither on the platform's C library nor on CPU features.
 //!
 //! `f32::sin` calls the platform's libm, which may pick another routine per CPU. Rust's `libm` port has one routine.
+// Called a few times per shape and scan.
+#![allow(clippy::inline_always)]
 
 use std::f64::consts::TAU;
 

@@ -6,9 +6,14 @@
 //! A beam meets a face when it lies between its two ends: 0 ≤ right × d and 0 ≤ d × left. Neighbouring faces share
 //! an end and so the very same product: no beam slips between them. The range is interpolated between the ends,
 //! which keeps it bounded even for a face seen edge-on, where dividing by the angle of incidence does not.
+// A kernel must be inlined into the function that is compiled for a CPU feature, or it is compiled without it.
+#![allow(clippy::inline_always)]
+// A lazy `&&` is a branch; a kernel wants none.
+#![allow(clippy::needless_bitwise_bool)]
 
 use super::targets::{Disc, Edge, NOTHING, Span, Targets, WALL, WallsInFrame, decode};
 use super::{Chunk, Directions, Hit, LANES};
+use std::ops::Range;
 
 /// Ranges of eight beams to the walls.
 ///
@@ -77,16 +82,11 @@ fn shorten(t: &Chunk, code: u32, ranges: &mut Chunk, codes: Option<&mut [u32; LA
     }
 }
 
-/// Calls `step` for every chunk of a span, in order.
+/// The chunks of a span as two runs; a closure per chunk would not inherit the caller's CPU features.
 #[inline(always)]
-fn for_span(span: Span, n: usize, mut step: impl FnMut(usize)) {
+fn runs(span: Span, n: usize) -> [Range<usize>; 2] {
     let (first, last) = (span.first as usize, span.last as usize);
-    if first <= last {
-        (first..=last).for_each(step);
-    } else {
-        (first..n).for_each(&mut step);
-        (0..=last).for_each(&mut step);
-    }
+    if first <= last { [first..last + 1, 0..0] } else { [first..n, 0..last + 1] }
 }
 
 /// Casts all beams; returns the least range.
@@ -112,10 +112,18 @@ pub(super) fn cast(directions: &Directions, targets: &Targets, ranges: &mut [Chu
         None => ranges.fill([targets.range; LANES]),
     }
     for edge in &targets.edges {
-        for_span(edge.span, n, |i| edge_chunk(edge, &x[i], &y[i], &mut ranges[i], None));
+        for run in runs(edge.span, n) {
+            for i in run {
+                edge_chunk(edge, &x[i], &y[i], &mut ranges[i], None);
+            }
+        }
     }
     for disc in &targets.discs {
-        for_span(disc.span, n, |i| disc_chunk(disc, &x[i], &y[i], &mut ranges[i], None));
+        for run in runs(disc.span, n) {
+            for i in run {
+                disc_chunk(disc, &x[i], &y[i], &mut ranges[i], None);
+            }
+        }
     }
     let mut least = [targets.range; LANES];
     for chunk in ranges.iter() {

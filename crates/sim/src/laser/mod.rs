@@ -123,6 +123,7 @@ impl Laser {
     }
 
     /// Another scanner of the same kind that shares the beam directions.
+    #[must_use]
     pub fn sibling(&self) -> Self {
         Self {
             config: self.config.clone(),

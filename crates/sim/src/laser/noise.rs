@@ -11,12 +11,11 @@
 //!
 //! G. E. P. Box, M. E. Muller, "A note on the generation of random normal deviates", doi:10.1214/aoms/1177706645.
 //! The logarithm and the sine are the minimax polynomials of Cephes (`logf`, `sinf`, `cosf`; S. L. Moshier).
+// A kernel must be inlined into the function that is compiled for a CPU feature, or it is compiled without it.
+#![allow(clippy::inline_always)]
 
 use crate::rng::StreamRng;
 use rand::Rng;
-
-/// Words that one step of the loop takes from each half of the random bytes.
-const STEP: usize = 8;
 
 /// Natural logarithm of a number in (0, 1], relative error below 2e-7.
 #[inline(always)]
@@ -37,7 +36,7 @@ fn ln(u: f32) -> f32 {
         -1.666_805_8e-1,
         2.000_071_5e-1,
         -2.499_999_4e-1,
-        3.333_333_1e-1,
+        3.333_333e-1,
     ] {
         p = p * x + c;
     }
@@ -67,7 +66,8 @@ fn cos_sin_of_turn(word: u32) -> (f32, f32) {
 fn normal_pair(radius_word: u32, angle_word: u32, std: f32) -> (f32, f32) {
     // (0, 1]: the logarithm is finite; at 24 bits the largest deviate is 5.8 standard deviations.
     let u = ((radius_word >> 8) + 1) as f32 * (1.0 / (1_u32 << 24) as f32);
-    let radius = std * (-2.0 * ln(u)).max(0.0).sqrt();
+    let square = -2.0 * ln(u);
+    let radius = std * if square > 0.0 { square } else { 0.0 }.sqrt();
     let (cos, sin) = cos_sin_of_turn(angle_word);
     (radius * cos, radius * sin)
 }
@@ -75,7 +75,9 @@ fn normal_pair(radius_word: u32, angle_word: u32, std: f32) -> (f32, f32) {
 /// A range with its noise, clamped, as the observation holds it; a beam that meets nothing stays at the range.
 #[inline(always)]
 fn observed(r: f32, noise: f32, range: f32) -> f32 {
-    let noisy = (r + noise).max(0.0).min(range);
+    let noisy = r + noise;
+    let noisy = if noisy > 0.0 { noisy } else { 0.0 };
+    let noisy = if noisy < range { noisy } else { range };
     let read = if r < range { noisy } else { range };
     read / range - 0.5
 }
@@ -94,26 +96,20 @@ pub(super) fn noisy_frame(ranges: &[f32], random: &[u8], std: f32, range: f32, o
     let (angle_words, _) = random[4 * half..].as_chunks::<4>();
     let (near, far) = ranges.split_at(half);
     let (out_near, out_far) = out.split_at_mut(half);
-    let whole = far.len() / STEP * STEP;
-    for start in (0..whole).step_by(STEP) {
-        let mut noise = ([0.0; STEP], [0.0; STEP]);
-        for k in 0..STEP {
-            let words =
-                (u32::from_le_bytes(radius_words[start + k]), u32::from_le_bytes(angle_words[start + k]));
-            (noise.0[k], noise.1[k]) = normal_pair(words.0, words.1, std);
-        }
-        for k in 0..STEP {
-            out_near[start + k] = observed(near[start + k], noise.0[k], range);
-            out_far[start + k] = observed(far[start + k], noise.1[k], range);
-        }
-    }
-    for k in whole..half {
-        let words = (u32::from_le_bytes(radius_words[k]), u32::from_le_bytes(angle_words[k]));
+    // One long loop over slices of one length: that is what the compiler vectorises.
+    let n = far.len();
+    let (radii, angles) = (&radius_words[..n], &angle_words[..n]);
+    let (near_n, out_near_n, out_far_n) = (&near[..n], &mut out_near[..n], &mut out_far[..n]);
+    for k in 0..n {
+        let words = (u32::from_le_bytes(radii[k]), u32::from_le_bytes(angles[k]));
         let noise = normal_pair(words.0, words.1, std);
-        out_near[k] = observed(near[k], noise.0, range);
-        if k < far.len() {
-            out_far[k] = observed(far[k], noise.1, range);
-        }
+        out_near_n[k] = observed(near_n[k], noise.0, range);
+        out_far_n[k] = observed(far[k], noise.1, range);
+    }
+    if n < half {
+        // An odd count of beams: the middle one uses half of its pair.
+        let words = (u32::from_le_bytes(radius_words[n]), u32::from_le_bytes(angle_words[n]));
+        out_near[n] = observed(near[n], normal_pair(words.0, words.1, std).0, range);
     }
 }
 

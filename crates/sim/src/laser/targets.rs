@@ -43,7 +43,8 @@ impl Span {
     /// The chunks of the beams between two directions given in turns, counter-clockwise, with a margin.
     fn between(from: f32, to: f32, beams: usize) -> Self {
         let (n, beams) = (beams.div_ceil(LANES), beams as f32);
-        let (first, last) = ((from * beams).floor() as i32 - 1, (to * beams).ceil() as i32 + 1);
+        // Turns are not negative, so that a cast rounds down; 2 is rounding up and the margin.
+        let (first, last) = ((from * beams) as i32 - 1, (to * beams) as i32 + 2);
         let wrap = |beam: i32| beam.rem_euclid(beams as i32) as u32 / LANES as u32;
         // A full circle that starts and ends within one chunk must not shrink to that chunk.
         let length = if to >= from { to - from } else { to - from + 1.0 };
