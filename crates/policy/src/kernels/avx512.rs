@@ -6,8 +6,8 @@
 //! leave weight gradients with 6 rows of 16.
 
 use std::arch::x86_64::{
-    __m512, _CMP_GT_OQ, _mm512_add_ps, _mm512_cmp_ps_mask, _mm512_fmadd_ps, _mm512_loadu_ps,
-    _mm512_maskz_mov_ps, _mm512_max_ps, _mm512_set1_ps, _mm512_setzero_ps, _mm512_storeu_ps,
+    __m512, _CMP_GT_OQ, _MM_HINT_T1, _mm_prefetch, _mm512_add_ps, _mm512_cmp_ps_mask, _mm512_fmadd_ps,
+    _mm512_loadu_ps, _mm512_maskz_mov_ps, _mm512_max_ps, _mm512_set1_ps, _mm512_setzero_ps, _mm512_storeu_ps,
 };
 
 use super::outer::{Count, Steps};
@@ -35,7 +35,7 @@ pub(super) unsafe fn rows<const ROW: usize>(
         macro_rules! sizes {
             ($($n:literal)*) => { match size {
                 // SAFETY: passed on; the tile's rows are among those checked.
-                $($n => unsafe { rows_tile::<$n, ROW>(row, a, panel, start, finish, out) },)*
+                $($n => unsafe { rows_tile::<$n, ROW>(row, tile, tiles.count, a, panel, start, finish, out) },)*
                 _ => unreachable!("tiles have 1 to 14 rows"),
             } };
         }
@@ -50,6 +50,8 @@ pub(super) unsafe fn rows<const ROW: usize>(
 #[target_feature(enable = "avx512f")]
 unsafe fn rows_tile<const MR: usize, const ROW: usize>(
     row: usize,
+    tile: usize,
+    n_tiles: usize,
     a: &Strips<'_>,
     panel: &[f32],
     start: Start<'_>,
@@ -75,9 +77,21 @@ unsafe fn rows_tile<const MR: usize, const ROW: usize>(
         }
         let mut b = panel.as_ptr();
         let mut strip = a.data.as_ptr().add(row * ROW);
-        for _ in 0..a.blocks {
+        // The next panel lies behind this one. Each tile fetches its share of it, spread over its steps: what hides the
+        // time that the third-level cache takes. Behind the last panel nothing is read: a prefetch has no effect but on
+        // the cache.
+        let next = b.wrapping_add(a.blocks * a.block_len * PANEL);
+        for block in 0..a.blocks {
             let mut x = strip;
+            let share = ROW == HALF && block % n_tiles == tile;
+            let mut ahead = if share { next.wrapping_add(block * a.block_len * PANEL) } else { b };
+            let ahead_step = if share { PANEL } else { 0 };
             for _ in 0..a.block_len {
+                if ROW == HALF {
+                    _mm_prefetch::<_MM_HINT_T1>(ahead.cast());
+                    _mm_prefetch::<_MM_HINT_T1>(ahead.wrapping_add(HALF).cast());
+                    ahead = ahead.wrapping_add(ahead_step);
+                }
                 step::<MR, ROW>(&mut sums, x, _mm512_loadu_ps(b), _mm512_loadu_ps(b.add(HALF)));
                 x = x.add(1);
                 b = b.add(PANEL);
