@@ -46,7 +46,8 @@ pub(super) unsafe fn rows<const ROW: usize>(
 
 /// # Safety
 ///
-/// As [`rows`], for the rows `row..row + MR`.
+/// As [`rows`], for the rows `row..row + MR`, which are tile number `tile` of `n_tiles`.
+#[allow(clippy::too_many_arguments)] // The operands of one product, and which tile of how many this is.
 #[target_feature(enable = "avx512f")]
 unsafe fn rows_tile<const MR: usize, const ROW: usize>(
     row: usize,
