@@ -4,11 +4,11 @@
 //! Names and shapes are PyTorch's (`fc1.weight` [hidden, input] …); the fill is PyTorch's default for linear layers,
 //! uniform in ±1/√`fan_in`.
 
+use jostle_policy::fast;
 use jostle_policy::reference::{CandleNetwork, default_device};
 use jostle_policy::{Backend, Layout, Network, Parameters};
 
 use crate::DiversityError;
-use crate::fast::FastMlp;
 use crate::reference::Mlp;
 
 /// Sizes of a discriminator.
@@ -46,7 +46,8 @@ impl DiscriminatorShape {
 ///
 /// # Errors
 ///
-/// [`DiversityError::Network`] when the parameters are not of this shape or candle's device is not there.
+/// [`DiversityError::Network`] when the parameters are not of this shape, candle's device is not there, or `hidden` is no
+/// multiple of 32 on the fast back end.
 pub fn discriminator(
     shape: DiscriminatorShape,
     backend: Backend,
@@ -54,7 +55,10 @@ pub fn discriminator(
 ) -> Result<Box<dyn Network>, DiversityError> {
     parameters.check_layout(&shape.layout())?;
     match backend {
-        Backend::Fast => Ok(Box::new(FastMlp::new(shape, parameters))),
+        Backend::Fast => {
+            let DiscriminatorShape { n_inputs, hidden, n_behaviours } = shape;
+            Ok(Box::new(fast::Mlp::new(n_inputs, hidden, n_behaviours, parameters)?))
+        }
         Backend::Reference => {
             Ok(Box::new(CandleNetwork::new(Mlp::new(shape), parameters, default_device()?)?))
         }

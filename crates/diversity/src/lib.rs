@@ -6,7 +6,6 @@ pub mod covariance;
 pub mod cross_entropy;
 pub mod divergence;
 mod error;
-mod fast;
 pub mod input;
 mod intrinsic;
 mod layout;

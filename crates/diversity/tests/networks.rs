@@ -7,7 +7,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-const SHAPE: DiscriminatorShape = DiscriminatorShape { n_inputs: 7, hidden: 6, n_behaviours: 3 };
+const SHAPE: DiscriminatorShape = DiscriminatorShape { n_inputs: 7, hidden: 32, n_behaviours: 3 };
 
 fn network(shape: DiscriminatorShape, backend: Backend) -> Box<dyn Network> {
     let parameters = Parameters::init(shape.layout(), &mut ChaCha8Rng::seed_from_u64(5));
@@ -28,7 +28,8 @@ fn loss_and_gradient(network: &mut dyn Network, batch: Batch<'_>) -> (f64, Vec<f
     let tokens: Vec<u32> = (0..batch.len()).map(|i| batch.token(i)).collect();
     let loss = evaluate_with_gradient(&logits, &tokens, &mut d_logits).loss;
     network.backward(&d_logits);
-    (loss, network.parameters_and_gradient().1.to_vec(), logits)
+    let gradient = network.parameters_and_gradient().1.to_vec();
+    (loss, gradient, logits)
 }
 
 #[test]
@@ -39,6 +40,7 @@ fn gradients_are_finite_differences() {
         let batch = Batch::new(&rows, &tokens);
         let (_, gradient, _) = loss_and_gradient(&mut *network, batch);
         let mut logits = vec![0.0; 15];
+        let kept_all = network.parameters_and_gradient().0.to_vec();
         for (k, &g) in gradient.iter().enumerate() {
             let mut at = |x: f32| {
                 network.parameters_and_gradient().0[k] = x;
@@ -46,11 +48,11 @@ fn gradients_are_finite_differences() {
                 network.infer(batch, &mut logits);
                 evaluate(&logits, &tokens).loss
             };
-            let kept = Parameters::init(SHAPE.layout(), &mut ChaCha8Rng::seed_from_u64(5)).flat()[k];
+            let kept = kept_all[k];
             let (up, down) = (at(kept + 2e-3), at(kept - 2e-3));
             at(kept);
             let difference = (up - down) / f64::from((kept + 2e-3) - (kept - 2e-3));
-            let close = (difference - f64::from(g)).abs() < 2e-4 + 2e-3 * difference.abs();
+            let close = (difference - f64::from(g)).abs() < 5e-4 + 2e-3 * difference.abs();
             assert!(close, "{backend:?}, parameter {k}: {difference} against {g}");
         }
     }
@@ -62,7 +64,9 @@ fn both_back_ends_agree_at_the_size_of_the_paper() {
     let (rows, tokens) = rows(shape, 64);
     let picked: Vec<u32> = (0..64).rev().step_by(3).collect();
     let batch = Batch::subset(&rows, &tokens, &picked);
-    let (fast_loss, fast, fast_logits) = loss_and_gradient(&mut *network(shape, Backend::Fast), batch);
+    let mut fast_network = network(shape, Backend::Fast);
+    let (fast_loss, fast, fast_logits) = loss_and_gradient(&mut *fast_network, batch);
+    let fast = fast_network.to_canonical(&fast);
     let (loss, reference, logits) = loss_and_gradient(&mut *network(shape, Backend::Reference), batch);
     assert!((fast_loss - loss).abs() < 1e-5);
     let peak = reference.iter().fold(0.0_f32, |peak, g| peak.max(g.abs()));
@@ -72,7 +76,7 @@ fn both_back_ends_agree_at_the_size_of_the_paper() {
 
 #[test]
 fn a_row_does_not_depend_on_its_neighbours() {
-    let shape = DiscriminatorShape { n_inputs: 40, hidden: 16, n_behaviours: 4 };
+    let shape = DiscriminatorShape { n_inputs: 40, hidden: 32, n_behaviours: 4 };
     let (rows, tokens) = rows(shape, 33);
     let mut network = network(shape, Backend::Fast);
     let mut all = vec![0.0; 33 * 4];
@@ -85,7 +89,7 @@ fn a_row_does_not_depend_on_its_neighbours() {
 #[test]
 fn parameters_of_another_shape_are_refused() {
     let parameters = Parameters::init(SHAPE.layout(), &mut ChaCha8Rng::seed_from_u64(5));
-    let other = DiscriminatorShape { hidden: 8, ..SHAPE };
+    let other = DiscriminatorShape { hidden: 64, ..SHAPE };
     for backend in [Backend::Fast, Backend::Reference] {
         assert!(discriminator(other, backend, &parameters).is_err());
     }

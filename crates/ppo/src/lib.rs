@@ -1,1 +1,38 @@
 //! Algorithm 1: proximal policy optimisation with a diversity reward, resumable to the bit.
+//!
+//! Reading order: [`algorithm1`] (the paper from top to bottom), then its pure leaves [`gae`], [`loss`], [`adam`] and
+//! [`minibatch`], the data they work on ([`rollout`]), what an update tells ([`report`]), the [`config`] and the
+//! [`checkpoint`].
+//!
+//! Architecture invariant: nothing here logs, prints or reads a clock for a result. Seconds are measured, and kept apart
+//! in [`Clock`]. Every random number comes from a stream named after the root seed, the purpose and the update, so that
+//! a resumed run needs no generator's state of this crate.
+#![forbid(unsafe_code)]
+
+pub mod adam;
+pub mod algorithm1;
+pub mod checkpoint;
+pub mod config;
+mod error;
+pub mod gae;
+mod learner;
+pub mod loss;
+pub mod minibatch;
+pub mod report;
+pub mod rollout;
+
+pub use algorithm1::Trainer;
+pub use config::{Config, NetworkSection};
+pub use error::PpoError;
+pub use report::{Clock, UpdateReport};
+
+/// Lower-case hexadecimal.
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().flat_map(|byte| [byte >> 4, byte & 15]).map(|digit| char::from_digit(digit.into(), 16)).fold(
+        String::new(),
+        |mut text, digit| {
+            text.extend(digit);
+            text
+        },
+    )
+}

@@ -1,0 +1,240 @@
+//! Checkpoints: the whole run in one safetensors file, written in one step, read with suspicion.
+//!
+//! | tensors | content |
+//! |---|---|
+//! | `actor.*`, `critic.*`, `discriminator.state_action.*`, `discriminator.state.*` | parameters, PyTorch's names and shapes |
+//! | `adam.<network>.first`, `adam.<network>.second` | Adam's moments, flat, in the order of the parameters above |
+//! | `state.rooms` | the rooms, JSON as bytes: poses, episodes, observations, positions of their random streams |
+//! | `state.adam_steps` | Adam's step counts, JSON as bytes |
+//!
+//! The metadata holds the format, the configuration (TOML, without the keys that do not change the curve), its hash, the
+//! simulator's and the network's part as JSON, seed, commit, counters and a checksum over everything. Two runs of the
+//! same configuration and binary write the same bytes. The trainer's own random streams are named after the update, so
+//! they need no state.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use jostle_policy::file::{CHECKPOINT_FORMAT, network_json};
+use jostle_policy::{PolicyError, Provenance, TensorFile, TensorOut, Values, write_tensors};
+use jostle_sim::RoomsState;
+
+use crate::adam::Adam;
+use crate::learner::Learner;
+use crate::{Config, PpoError, Trainer};
+
+impl Trainer {
+    /// Writes the run to `path`. A file that was there is replaced whole or not at all, and kept as
+    /// [`previous_path`].
+    ///
+    /// # Errors
+    ///
+    /// [`PpoError::Policy`] when the disk refuses or a parameter is not finite, [`PpoError::Io`] when the earlier file
+    /// cannot be kept; the earlier file is then still in its place.
+    pub fn save(&mut self, path: &Path) -> Result<(), PpoError> {
+        let metadata = self.metadata();
+        let rooms = serde_json::to_vec(&self.rooms.state()).expect("the rooms' state is plain numbers");
+        let steps: BTreeMap<&str, u64> =
+            self.learners().into_iter().map(|learner| (learner.name(), learner.adam.steps())).collect();
+        let steps = serde_json::to_vec(&steps).expect("step counts are plain numbers");
+        let saved: Vec<_> = self.learners().into_iter().map(SavedLearner::new).collect();
+        let mut tensors: Vec<TensorOut<'_>> = saved.iter().flat_map(SavedLearner::tensors).collect();
+        for (name, bytes) in [("state.rooms", &rooms), ("state.adam_steps", &steps)] {
+            tensors.push(TensorOut {
+                name: name.to_owned(),
+                shape: vec![bytes.len()],
+                values: Values::U8(bytes),
+            });
+        }
+        keep_previous(path)?;
+        Ok(write_tensors(path, &tensors, &metadata)?)
+    }
+
+    /// Goes on from a checkpoint, with the configuration that it holds.
+    ///
+    /// `updates`, `checkpoint_every` and `threads` are not part of a checkpoint and come back as defaults; give them by
+    /// [`Self::resume_with`].
+    ///
+    /// # Errors
+    ///
+    /// [`PpoError::Policy`] or [`PpoError::Checkpoint`] for a file that is missing, truncated, damaged, of another
+    /// format or of another shape than its own configuration says.
+    pub fn resume(path: &Path) -> Result<Self, PpoError> {
+        let file = open(path)?;
+        let config = stored_config(&file)?;
+        Self::restore(config, &file)
+    }
+
+    /// Goes on from a checkpoint of the run that `config` describes.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::resume`], and [`PpoError::Checkpoint`] when the checkpoint belongs to another configuration.
+    pub fn resume_with(path: &Path, config: Config) -> Result<Self, PpoError> {
+        let file = open(path)?;
+        let (found, expected) = (file.metadata_value("config_hash")?, config.hash());
+        if found != expected {
+            let found = format!("the checkpoint of another configuration ({found})");
+            return Err(refuse(path, "config_hash", found, expected));
+        }
+        Self::restore(config, &file)
+    }
+
+    fn restore(config: Config, file: &TensorFile) -> Result<Self, PpoError> {
+        let provenance = Provenance::read(file)?;
+        if provenance.config_hash != config.hash() {
+            return Err(refuse(file.path(), "config_hash", provenance.config_hash, config.hash()));
+        }
+        let mut trainer = Self::new(config)?;
+        let steps: BTreeMap<String, u64> = json(file, "state.adam_steps")?;
+        for learner in trainer.learners() {
+            learner.restore(file, &steps)?;
+        }
+        let rooms: RoomsState = json(file, "state.rooms")?;
+        trainer.rooms.restore(rooms)?;
+        trainer.commit = provenance.commit;
+        (trainer.update, trainer.transitions) = (provenance.update, provenance.transitions);
+        Ok(trainer)
+    }
+
+    fn metadata(&self) -> BTreeMap<String, String> {
+        let network = network_json(&self.config.network_config());
+        let sim =
+            serde_json::to_string(&self.config.sim).expect("the simulator's configuration is plain data");
+        let fields = [
+            ("format", CHECKPOINT_FORMAT.to_owned()),
+            ("config", self.config.canonical_toml()),
+            ("sim", sim),
+            ("network", network),
+        ];
+        let mut metadata = fields.map(|(key, value)| (key.to_owned(), value)).into();
+        self.provenance().write(&mut metadata);
+        metadata
+    }
+
+    /// Where the policy comes from, as checkpoints and reports state it.
+    pub fn provenance(&self) -> Provenance {
+        Provenance {
+            config_hash: self.config.hash(),
+            seed: self.config.seed,
+            commit: self.commit.clone(),
+            update: self.update,
+            transitions: self.transitions,
+            n_agents: self.config.n_agents as u64,
+            n_rooms: self.config.n_rooms as u64,
+        }
+    }
+
+    fn learners(&mut self) -> [&mut Learner; 4] {
+        [&mut self.actor, &mut self.critic, &mut self.q_state_action, &mut self.q_state]
+    }
+}
+
+/// Where the checkpoint before `path` is kept: `.previous` behind the name.
+pub fn previous_path(path: &Path) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(".previous");
+    name.into()
+}
+
+/// Reads the configuration of a checkpoint.
+///
+/// # Errors
+///
+/// As [`Trainer::resume`].
+pub fn read_config(path: &Path) -> Result<Config, PpoError> {
+    stored_config(&open(path)?)
+}
+
+/// Keeps the file at `path` under a second name; at no moment is there no good file.
+fn keep_previous(path: &Path) -> Result<(), PpoError> {
+    if !path.exists() {
+        return Ok(());
+    }
+    let previous = previous_path(path);
+    let io = |source| PpoError::Io { path: previous.clone(), action: "keep the previous checkpoint", source };
+    let mut link = previous.as_os_str().to_owned();
+    link.push(".partial");
+    let link = PathBuf::from(link);
+    // A leftover of a killed process.
+    let _ = std::fs::remove_file(&link);
+    // Not every file system has hard links; a copy does as well.
+    std::fs::hard_link(path, &link).or_else(|_| std::fs::copy(path, &link).map(drop)).map_err(io)?;
+    std::fs::rename(&link, &previous).map_err(io)
+}
+
+fn open(path: &Path) -> Result<TensorFile, PpoError> {
+    let file = TensorFile::read(path)?;
+    let format = file.metadata_value("format")?;
+    if format != CHECKPOINT_FORMAT {
+        return Err(refuse(path, "metadata format", format.to_owned(), CHECKPOINT_FORMAT.to_owned()));
+    }
+    file.verify_checksum()?;
+    Ok(file)
+}
+
+fn stored_config(file: &TensorFile) -> Result<Config, PpoError> {
+    let label = format!("{} (metadata config)", file.path().display());
+    Config::parse(file.metadata_value("config")?, &label, &[] as &[&str])
+}
+
+fn json<T: serde::de::DeserializeOwned>(file: &TensorFile, name: &str) -> Result<T, PpoError> {
+    let (_, bytes) = file.raw(name)?;
+    serde_json::from_slice(bytes)
+        .map_err(|error| refuse(file.path(), name, error.to_string(), "JSON of this state".to_owned()))
+}
+
+fn refuse(path: &Path, field: &str, found: String, expected: String) -> PpoError {
+    PpoError::Checkpoint { path: path.to_path_buf(), field: field.to_owned(), found, expected }
+}
+
+/// A learner in canonical order.
+struct SavedLearner {
+    name: &'static str,
+    layout: jostle_policy::Layout,
+    parameters: Vec<f32>,
+    moments: [Vec<f32>; 2],
+}
+
+impl SavedLearner {
+    fn new(learner: &mut Learner) -> Self {
+        let canonical = |moments: &[f32]| learner.network.to_canonical(moments);
+        let moments = [canonical(learner.adam.first_moments()), canonical(learner.adam.second_moments())];
+        Self {
+            name: learner.name(),
+            layout: learner.layout().clone(),
+            parameters: learner.parameters(),
+            moments,
+        }
+    }
+
+    fn tensors(&self) -> Vec<TensorOut<'_>> {
+        let mut tensors = TensorOut::all(self.name, &self.layout, &self.parameters);
+        for (which, moments) in ["first", "second"].iter().zip(&self.moments) {
+            let name = format!("adam.{}.{which}", self.name);
+            tensors.push(TensorOut { name, shape: vec![moments.len()], values: Values::F32(moments) });
+        }
+        tensors
+    }
+}
+
+impl Learner {
+    /// Takes parameters, moments and step count from a checkpoint.
+    fn restore(&mut self, file: &TensorFile, steps: &BTreeMap<String, u64>) -> Result<(), PpoError> {
+        let name = self.name();
+        let parameters = file.parameters(name, self.layout().clone())?;
+        let native = self.network.to_native(parameters.flat());
+        self.network.parameters_and_gradient().0.copy_from_slice(&native);
+        self.network.parameters_changed();
+        let moments = |which: &str| -> Result<Vec<f32>, PolicyError> {
+            let canonical = file.f32s(&format!("adam.{name}.{which}"), &[self.layout().len()])?;
+            Ok(self.network.to_native(&canonical))
+        };
+        let (first, second) = (moments("first")?, moments("second")?);
+        let missing =
+            || refuse(file.path(), "state.adam_steps", "nothing".to_owned(), format!("{name}'s step count"));
+        let taken = *steps.get(name).ok_or_else(missing)?;
+        self.adam = Adam::resume(self.adam.learning_rate(), taken, first, second);
+        Ok(())
+    }
+}

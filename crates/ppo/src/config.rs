@@ -1,0 +1,211 @@
+//! The configuration of a training run: every key with its unit, range and origin.
+//!
+//! The defaults are those of the paper's Table of hyper-parameters ("paper" below) or, where it is silent, of the code
+//! that it builds on, Acmece/rl-collision-avoidance ("lineage"). Reading order: this file; `config/load.rs` (TOML,
+//! overrides, error locations); `config/check.rs` (ranges).
+
+use jostle_diversity::{DiscriminatorConfig, IntrinsicReward};
+use jostle_policy::{Backend, NetworkConfig};
+use jostle_sim::SimConfig;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+mod check;
+mod load;
+
+/// Keys that do not change the learning curve: they are part of neither the hash nor a checkpoint.
+const KEYS_WITHOUT_EFFECT: [&str; 3] = ["updates", "checkpoint_every", "threads"];
+
+/// A training run. [`Config::load`] gives a validated one.
+///
+/// # Examples
+///
+/// ```
+/// use jostle_ppo::Config;
+/// let config = Config::parse("N = 10\nalpha = 0.05", "example.toml", &["sim.laser.noise_std=0"])?;
+/// assert_eq!((config.n_agents, config.alpha, config.sim.laser.noise_std), (10, 0.05, 0.0));
+/// let error = Config::parse("n_agent = 10", "example.toml", &[] as &[&str]).unwrap_err();
+/// assert!(error.to_string().starts_with("example.toml:1:1: n_agent: found an unknown key, expected n_agents"));
+/// # Ok::<(), jostle_ppo::PpoError>(())
+/// ```
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Config {
+    /// Root seed of every random stream; 0 to 2⁶³ − 1. Default 1.
+    pub seed: u64,
+    /// Updates of the whole run; ≥ 1. Default 5000 (paper). Does not change the curve, only its length.
+    pub updates: u64,
+    /// Updates between checkpoints; 0 writes one at the end alone. Default 100. Does not change the curve.
+    pub checkpoint_every: u64,
+    /// Worker threads; 0 takes one for each core. Default 0. Does not change a bit of the curve.
+    pub threads: usize,
+    /// What computes the networks: `fast` (own kernels on the CPU) or `reference` (candle). Default `fast`.
+    pub backend: Backend,
+    /// Agents in a room, the paper's N (alias `N`); 1 to 1000. Default 5 (paper).
+    #[serde(alias = "N")]
+    pub n_agents: usize,
+    /// Behaviours, the paper's M (alias `M`); 1 to 1000; 1 is the baseline without diversity. Default 5 (paper).
+    #[serde(alias = "M")]
+    pub n_behaviours: usize,
+    /// Rooms that are simulated side by side (alias `R`); ≥ 1. Default 1: the paper trains in one.
+    #[serde(alias = "R")]
+    pub n_rooms: usize,
+    /// Steps that each agent collects for an update; ≥ 1. Default 128 (lineage).
+    pub horizon: usize,
+    /// Transitions in a minibatch; 1 to `horizon · n_agents · n_rooms`; an epoch's last may be shorter. Default 256.
+    pub minibatch: usize,
+    /// Epochs over a rollout for the policy; ≥ 1. Default 3 (paper).
+    pub epochs_policy: usize,
+    /// Epochs over a rollout for the value function; ≥ 1. Default 3 (paper).
+    pub epochs_value: usize,
+    /// Epochs over a rollout for both discriminators; ≥ 0. Default 1 (paper; another of its rows can be read as 3).
+    pub epochs_discriminator: usize,
+    /// Adam's step size for policy and value function; > 0. Default 5e-5 (paper). The discriminators have their own in
+    /// `[discriminator]`.
+    pub learning_rate: f64,
+    /// Discount γ; 0 to 1. Default 0.99 (paper).
+    pub gamma: f64,
+    /// Trace decay λ of generalised advantage estimation; 0 to 1. Default 0.95 (paper).
+    pub gae_lambda: f64,
+    /// Half-width ε of the trust interval around ratio 1; > 0. Default 0.1 (paper).
+    pub clip_coef: f64,
+    /// Weight of the entropy bonus; ≥ 0. Default 5e-4 (lineage).
+    pub ent_coef: f64,
+    /// Gradients longer than this (L2 norm over a network) are scaled down; ≥ 0, 0 is off. Default 0 (lineage).
+    pub max_grad_norm: f64,
+    /// Weight α of the intrinsic reward; ≥ 0. Default 0.1 (paper; its ablations use 0.01 for `state_action` and 0.03
+    /// for `state`).
+    pub alpha: f64,
+    /// `difference` (paper), `state_action`, `state` (DIAYN) or `none`.
+    pub intrinsic_reward: IntrinsicReward,
+    /// Whether log M is added to the rewards `state_action` and `state`, as DIAYN does. Default false.
+    pub add_log_m: bool,
+    /// Whether a time limit's cut bootstraps with V of the episode's last observation. Default false (lineage).
+    pub bootstrap_truncation: bool,
+    /// The simulator.
+    pub sim: SimConfig,
+    /// Sizes of actor and critic.
+    pub network: NetworkSection,
+    /// Both discriminators.
+    pub discriminator: DiscriminatorConfig,
+}
+
+/// The sizes of actor and critic that do not follow from other sections.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct NetworkSection {
+    /// Length of a behaviour's embedding; ≥ 1. Default 32 (paper).
+    pub embedding: usize,
+    /// Length of the laser feature; ≥ 1. Default 256 (lineage).
+    pub laser_feature: usize,
+    /// Length of the last hidden layer; ≥ 1. Default 128 (lineage).
+    pub hidden: usize,
+    /// Initial log standard deviation of both action dimensions. Default 0 (lineage).
+    pub log_std_init: f32,
+}
+
+impl Default for NetworkSection {
+    fn default() -> Self {
+        let NetworkConfig { embedding, laser_feature, hidden, log_std_init, .. } = NetworkConfig::default();
+        Self { embedding, laser_feature, hidden, log_std_init }
+    }
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Self {
+            seed: 1,
+            updates: 5000,
+            checkpoint_every: 100,
+            threads: 0,
+            backend: Backend::default(),
+            n_agents: 5,
+            n_behaviours: 5,
+            n_rooms: 1,
+            horizon: 128,
+            minibatch: 256,
+            epochs_policy: 3,
+            epochs_value: 3,
+            epochs_discriminator: 1,
+            learning_rate: 5e-5,
+            gamma: 0.99,
+            gae_lambda: 0.95,
+            clip_coef: 0.1,
+            ent_coef: 5e-4,
+            max_grad_norm: 0.0,
+            alpha: 0.1,
+            intrinsic_reward: IntrinsicReward::default(),
+            add_log_m: false,
+            bootstrap_truncation: false,
+            sim: SimConfig::default(),
+            network: NetworkSection::default(),
+            discriminator: DiscriminatorConfig::default(),
+        }
+    }
+}
+
+impl Config {
+    /// Agents of all rooms.
+    pub fn agents_total(&self) -> usize {
+        self.n_agents * self.n_rooms
+    }
+
+    /// Transitions of one update.
+    pub fn rollout_len(&self) -> usize {
+        self.horizon * self.agents_total()
+    }
+
+    /// Actor and critic in full: this section's sizes, the laser's and M.
+    pub fn network_config(&self) -> NetworkConfig {
+        NetworkConfig {
+            frames: jostle_sim::FRAMES,
+            beams: self.sim.laser.beams,
+            n_behaviours: self.n_behaviours,
+            embedding: self.network.embedding,
+            laser_feature: self.network.laser_feature,
+            hidden: self.network.hidden,
+            log_std_init: self.network.log_std_init,
+        }
+    }
+
+    /// The resolved configuration as TOML, without `updates`, `checkpoint_every` and `threads`: what a checkpoint
+    /// holds. Reading it back gives this configuration with those three at their defaults.
+    ///
+    /// # Panics
+    ///
+    /// Never for a validated configuration: all its numbers fit TOML.
+    pub fn canonical_toml(&self) -> String {
+        let mut table = toml::Table::try_from(self).expect("a validated configuration fits TOML");
+        KEYS_WITHOUT_EFFECT.iter().for_each(|key| drop(table.remove(*key)));
+        toml::to_string(&table).expect("a table is TOML")
+    }
+
+    /// SHA-256 of [`Self::canonical_toml`] in hexadecimal: two runs of the same hash have the same curve.
+    pub fn hash(&self) -> String {
+        crate::hex(&Sha256::digest(self.canonical_toml().as_bytes()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_canonical_form_reads_back() {
+        let config = Config { seed: 9, alpha: 0.03, updates: 7, threads: 3, ..Config::default() };
+        let text = config.canonical_toml();
+        let read = Config::parse(&text, "canonical", &["updates=7", "threads=3"]).unwrap();
+        assert_eq!(read, config);
+        assert!(!text.contains("checkpoint_every"));
+    }
+
+    #[test]
+    fn the_hash_follows_the_curve_alone() {
+        let hash = Config::default().hash();
+        assert_eq!(hash.len(), 64);
+        let same = Config { updates: 1, checkpoint_every: 7, threads: 8, ..Config::default() };
+        assert_eq!(same.hash(), hash);
+        assert_ne!(Config { alpha: 0.2, ..Config::default() }.hash(), hash);
+        assert_ne!(Config { seed: 2, ..Config::default() }.hash(), hash);
+    }
+}

@@ -1,0 +1,106 @@
+//! Ranges of the configuration's values.
+
+use std::fmt::Display;
+
+use jostle_diversity::DiversityError;
+use jostle_policy::PolicyError;
+use jostle_sim::SimError;
+
+use super::Config;
+use crate::PpoError;
+
+/// Most transitions of one update: row numbers are 32 bits, and this many default observations are 6 GiB.
+const ROLLOUT_MAX: usize = 1 << 20;
+
+impl Config {
+    /// Checks every value's range, and the ranges that depend on one another.
+    ///
+    /// # Errors
+    ///
+    /// [`PpoError::Config`] for the first key that is out of range, located at `configuration`.
+    pub fn validate(&self) -> Result<(), PpoError> {
+        let top = i64::MAX as u64;
+        within("seed", self.seed, 0, top)?;
+        within("updates", self.updates, 1, top)?;
+        within("checkpoint_every", self.checkpoint_every, 0, top)?;
+        within("threads", self.threads, 0, 1024)?;
+        within("n_agents", self.n_agents, 1, 1000)?;
+        within("n_behaviours", self.n_behaviours, 1, 1000)?;
+        within("n_rooms", self.n_rooms, 1, 65_536)?;
+        within("horizon", self.horizon, 1, 65_536)?;
+        if self.rollout_len() > ROLLOUT_MAX {
+            let expected = format!("at most {ROLLOUT_MAX} transitions (horizon · n_agents · n_rooms)");
+            return Err(refuse("horizon", format!("{} transitions an update", self.rollout_len()), expected));
+        }
+        let rollout = self.rollout_len();
+        if self.minibatch == 0 || self.minibatch > rollout {
+            let expected = format!("1 to {rollout} (horizon · n_agents · n_rooms)");
+            return Err(refuse("minibatch", self.minibatch, expected));
+        }
+        within("epochs_policy", self.epochs_policy, 1, 1000)?;
+        within("epochs_value", self.epochs_value, 1, 1000)?;
+        within("epochs_discriminator", self.epochs_discriminator, 0, 1000)?;
+        positive("learning_rate", self.learning_rate)?;
+        share("gamma", self.gamma)?;
+        share("gae_lambda", self.gae_lambda)?;
+        positive("clip_coef", self.clip_coef)?;
+        not_negative("ent_coef", self.ent_coef)?;
+        not_negative("max_grad_norm", self.max_grad_norm)?;
+        not_negative("alpha", self.alpha)?;
+        self.sim.validate().map_err(in_sim)?;
+        self.network_config().validate().map_err(in_network)?;
+        self.discriminator.validate().map_err(in_discriminator)
+    }
+}
+
+pub(super) fn refuse(field: impl Into<String>, found: impl Display, expected: impl Into<String>) -> PpoError {
+    let location = "configuration".to_owned();
+    PpoError::Config { location, field: field.into(), found: found.to_string(), expected: expected.into() }
+}
+
+fn within<T: PartialOrd + Display>(field: &str, value: T, low: T, high: T) -> Result<(), PpoError> {
+    if value >= low && value <= high {
+        return Ok(());
+    }
+    Err(refuse(field, value, format!("an integer from {low} to {high}")))
+}
+
+fn positive(field: &str, value: f64) -> Result<(), PpoError> {
+    if value.is_finite() && value > 0.0 { Ok(()) } else { Err(refuse(field, value, "a finite number > 0")) }
+}
+
+fn not_negative(field: &str, value: f64) -> Result<(), PpoError> {
+    if value.is_finite() && value >= 0.0 {
+        Ok(())
+    } else {
+        Err(refuse(field, value, "a finite number ≥ 0"))
+    }
+}
+
+fn share(field: &str, value: f64) -> Result<(), PpoError> {
+    if (0.0..=1.0).contains(&value) { Ok(()) } else { Err(refuse(field, value, "a number from 0 to 1")) }
+}
+
+fn in_sim(error: SimError) -> PpoError {
+    match error {
+        SimError::Field { field, found, expected } => refuse(format!("sim.{field}"), found, expected),
+        other => PpoError::Sim(other),
+    }
+}
+
+fn in_network(error: PolicyError) -> PpoError {
+    match error {
+        PolicyError::Config { field: "beams", found, expected } => refuse("sim.laser.beams", found, expected),
+        PolicyError::Config { field, found, expected } => refuse(format!("network.{field}"), found, expected),
+        other => PpoError::Policy(other),
+    }
+}
+
+fn in_discriminator(error: DiversityError) -> PpoError {
+    match error {
+        DiversityError::Config { field, found, expected } => {
+            refuse(format!("discriminator.{field}"), found, expected)
+        }
+        other => PpoError::Diversity(other),
+    }
+}

@@ -1,0 +1,342 @@
+//! Reading a configuration: TOML text, then `--set key=value` overrides, each error with its place.
+//!
+//! The text is read twice: once into [`Config`] for its values, once into a table with spans so that an error found
+//! later (a range, a clash of two keys) can still name the line. Overrides are applied one at a time, so that the one
+//! at fault is known.
+
+use std::ops::Range;
+use std::path::Path;
+
+use serde::Deserialize;
+use toml::de::{DeTable, DeValue};
+use toml::{Table, Value};
+
+use super::Config;
+use crate::PpoError;
+
+/// Largest configuration file that is read, in bytes.
+const TEXT_MAX: u64 = 1 << 20;
+
+/// The paper's letters for three keys.
+const ALIASES: [(&str, &str); 3] = [("N", "n_agents"), ("M", "n_behaviours"), ("R", "n_rooms")];
+
+impl Config {
+    /// Reads `path`, applies the overrides in order, and validates the result.
+    ///
+    /// An override is `key=value` with a dotted key and a TOML value; a bare word is taken as a string
+    /// (`intrinsic_reward=state`).
+    ///
+    /// # Errors
+    ///
+    /// [`PpoError::Io`] for an unreadable file, [`PpoError::Syntax`] for text that is not TOML, [`PpoError::Config`]
+    /// for a key that is unknown, of the wrong type or out of range.
+    pub fn load(path: &Path, overrides: &[impl AsRef<str>]) -> Result<Self, PpoError> {
+        let io = |source| PpoError::Io { path: path.to_path_buf(), action: "read", source };
+        let length = std::fs::metadata(path).map_err(io)?.len();
+        let location = path.display().to_string();
+        if length > TEXT_MAX {
+            let message = format!("found {length} bytes, expected a configuration of at most {TEXT_MAX}");
+            return Err(PpoError::Syntax { location, message });
+        }
+        Self::parse(&std::fs::read_to_string(path).map_err(io)?, &location, overrides)
+    }
+
+    /// As [`Self::load`], from text; `label` stands for the file in errors.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::load`].
+    pub fn parse(text: &str, label: &str, overrides: &[impl AsRef<str>]) -> Result<Self, PpoError> {
+        let source = Source { text, label };
+        let mut config: Self = toml::from_str(text).map_err(|error| source.explain(&error))?;
+        let mut table: Table = text.parse().map_err(|error| source.explain(&error))?;
+        rename_aliases(&mut table);
+        let mut set = Vec::new();
+        for argument in overrides {
+            let argument = argument.as_ref();
+            let path = apply(&mut table, argument)?;
+            config = Self::deserialize(Value::Table(table.clone()))
+                .map_err(|error| translate(format!("--set {argument}"), &path.join("."), error.message()))?;
+            set.push((path.join("."), argument));
+        }
+        config.validate().map_err(|error| source.locate(error, &set))?;
+        Ok(config)
+    }
+}
+
+/// Writes one override into the table; returns its path.
+fn apply(table: &mut Table, argument: &str) -> Result<Vec<String>, PpoError> {
+    let location = || format!("--set {argument}");
+    let syntax = |message: &str| PpoError::Syntax { location: location(), message: message.to_owned() };
+    let (key, value) = argument.split_once('=').ok_or_else(|| syntax("expected key=value"))?;
+    let path: Vec<String> = key.trim().split('.').map(|part| part.trim().to_owned()).collect();
+    if path.iter().any(String::is_empty) {
+        return Err(syntax("expected a dotted key before the ="));
+    }
+    let value = parse_value(value.trim()).ok_or_else(|| syntax("expected a TOML value after the ="))?;
+    let path = if path.len() == 1 { vec![full_name(&path[0]).to_owned()] } else { path };
+    let (last, sections) = path.split_last().expect("a split yields at least one part");
+    let mut place = table;
+    for section in sections {
+        let entry = place.entry(section.clone()).or_insert_with(|| Value::Table(Table::new()));
+        place = entry.as_table_mut().ok_or_else(|| syntax(&format!("{section} is not a section")))?;
+    }
+    place.insert(last.clone(), value);
+    Ok(path)
+}
+
+/// A TOML value, or a bare word as a string.
+fn parse_value(text: &str) -> Option<Value> {
+    let is_word = !text.is_empty() && text.chars().all(|c| c.is_alphanumeric() || "_-./".contains(c));
+    match format!("value = {text}").parse::<Table>() {
+        // A line break could smuggle in further keys.
+        Ok(mut table) if table.len() == 1 => table.remove("value"),
+        _ => is_word.then(|| Value::String(text.to_owned())),
+    }
+}
+
+fn full_name(key: &str) -> &str {
+    ALIASES.iter().find(|(alias, _)| *alias == key).map_or(key, |(_, name)| name)
+}
+
+fn rename_aliases(table: &mut Table) {
+    for (alias, name) in ALIASES {
+        if let Some(value) = table.remove(alias) {
+            table.insert(name.to_owned(), value);
+        }
+    }
+}
+
+/// A text and the name of its file.
+struct Source<'a> {
+    text: &'a str,
+    label: &'a str,
+}
+
+impl Source<'_> {
+    /// Our words for an error of the TOML crate.
+    fn explain(&self, error: &toml::de::Error) -> PpoError {
+        let Some(span) = error.span() else {
+            return translate(self.label.to_owned(), "configuration", error.message());
+        };
+        let location = self.place(span.start);
+        match DeTable::parse(self.text) {
+            Ok(table) => {
+                let path = path_at(table.get_ref(), &span).unwrap_or_else(|| "configuration".to_owned());
+                translate(location, &path, error.message())
+            }
+            Err(_) => PpoError::Syntax { location, message: one_line(error.message()) },
+        }
+    }
+
+    /// `file:line:column` of a byte, both counted from 1, the column in characters.
+    fn place(&self, byte: usize) -> String {
+        let before = self.text.get(..byte).unwrap_or(self.text);
+        let line = before.matches('\n').count() + 1;
+        let column = before.rsplit('\n').next().map_or(0, |last| last.chars().count()) + 1;
+        format!("{}:{line}:{column}", self.label)
+    }
+
+    /// Gives a range error the place that its value came from: the last override, else the file's line, else the file.
+    fn locate(&self, error: PpoError, set: &[(String, &str)]) -> PpoError {
+        let PpoError::Config { field, found, expected, .. } = error else { return error };
+        let from_override = set.iter().rev().find(|(path, _)| *path == field);
+        let location = match from_override {
+            Some((_, argument)) => format!("--set {argument}"),
+            None => DeTable::parse(self.text)
+                .ok()
+                .and_then(|table| span_of(table.get_ref(), &field))
+                .map_or_else(|| self.label.to_owned(), |span| self.place(span.start)),
+        };
+        PpoError::Config { location, field, found, expected }
+    }
+}
+
+/// The dotted path of the innermost key or value that holds `span`.
+fn path_at(table: &DeTable<'_>, span: &Range<usize>) -> Option<String> {
+    let holds =
+        |outer: Range<usize>| outer.start <= span.start && span.start < outer.end.max(outer.start + 1);
+    table.iter().find_map(|(key, value)| {
+        let name = key.get_ref().to_string();
+        let inner = match value.get_ref() {
+            DeValue::Table(inner) => path_at(inner, span).map(|path| format!("{name}.{path}")),
+            _ => None,
+        };
+        inner.or_else(|| (holds(key.span()) || holds(value.span())).then_some(name))
+    })
+}
+
+/// Where the key of a dotted path stands.
+fn span_of(table: &DeTable<'_>, path: &str) -> Option<Range<usize>> {
+    let (first, rest) = path.split_once('.').map_or((path, None), |(first, rest)| (first, Some(rest)));
+    let (key, value) = table.iter().find(|(key, _)| full_name(key.get_ref()) == first)?;
+    match (rest, value.get_ref()) {
+        (None, _) => Some(key.span()),
+        (Some(rest), DeValue::Table(inner)) => span_of(inner, rest),
+        _ => None,
+    }
+}
+
+/// Turns serde's sentence into field, found and expected.
+fn translate(location: String, path: &str, message: &str) -> PpoError {
+    let config = |found: String, expected: String| PpoError::Config {
+        location: location.clone(),
+        field: path.to_owned(),
+        found,
+        expected,
+    };
+    if let Some((name, known)) = message.strip_prefix("unknown field `").and_then(|rest| rest.split_once('`'))
+    {
+        let names: Vec<&str> = known.split('`').skip(1).step_by(2).collect();
+        let nearest = names.iter().min_by_key(|known| edit_distance(name, known));
+        let expected = match nearest {
+            Some(nearest) if edit_distance(name, nearest) <= 3 => (*nearest).to_owned(),
+            _ => format!("one of {}", names.join(", ")),
+        };
+        return config("an unknown key".to_owned(), expected);
+    }
+    for prefix in ["invalid type: ", "invalid value: ", "unknown variant "] {
+        if let Some((found, expected)) =
+            message.strip_prefix(prefix).and_then(|rest| rest.split_once(", expected "))
+        {
+            return config(found.replace('`', ""), one_line(expected).replace('`', ""));
+        }
+    }
+    PpoError::Syntax { location, message: format!("{path}: {}", one_line(message)) }
+}
+
+fn one_line(message: &str) -> String {
+    message.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// Levenshtein distance in characters.
+fn edit_distance(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.chars().collect();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, x) in a.chars().enumerate() {
+        let mut diagonal = std::mem::replace(&mut row[0], i + 1);
+        for (j, y) in b.iter().enumerate() {
+            let substituted = diagonal + usize::from(x != *y);
+            diagonal = row[j + 1];
+            row[j + 1] = substituted.min(row[j] + 1).min(diagonal + 1);
+        }
+    }
+    row[b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NONE: &[&str] = &[];
+
+    #[track_caller]
+    fn check(text: &str, overrides: &[&str], expected: &str) {
+        let error = Config::parse(text, "a.toml", overrides).expect_err("refused").to_string();
+        assert_eq!(error, expected);
+        assert_eq!(error.lines().count(), 1);
+    }
+
+    #[test]
+    fn the_empty_text_is_the_default() {
+        assert_eq!(Config::parse("", "a.toml", NONE).unwrap(), Config::default());
+    }
+
+    #[test]
+    fn aliases_and_overrides_meet_in_one_key() {
+        let config = Config::parse("N = 4\nM = 2\nR = 3", "a.toml", &["N=7", "n_rooms=5"]).unwrap();
+        assert_eq!((config.n_agents, config.n_behaviours, config.n_rooms), (7, 2, 5));
+    }
+
+    #[test]
+    fn overrides_take_toml_values_and_bare_words() {
+        let overrides =
+            ["intrinsic_reward=state", "discriminator.noise=\"off\"", "sim.laser.beams = 64", "alpha=1"];
+        let config = Config::parse("", "a.toml", &overrides).unwrap();
+        assert_eq!(config.intrinsic_reward, jostle_diversity::IntrinsicReward::State);
+        assert_eq!(config.discriminator.noise, jostle_diversity::InputNoise::Off);
+        assert_eq!((config.sim.laser.beams, config.alpha), (64, 1.0));
+    }
+
+    #[test]
+    fn unknown_keys_suggest_the_nearest() {
+        check(
+            "seed = 1\nlearning_rte = 1",
+            NONE,
+            "a.toml:2:1: learning_rte: found an unknown key, expected learning_rate",
+        );
+        check(
+            "[discriminator]\nnoise_scal = 1",
+            NONE,
+            "a.toml:2:1: discriminator.noise_scal: found an unknown key, expected noise_scale",
+        );
+        check("", &["gama=0.9"], "--set gama=0.9: gama: found an unknown key, expected gamma");
+        check(
+            "",
+            &["sim.laser.beam=3"],
+            "--set sim.laser.beam=3: sim.laser.beam: found an unknown key, expected beams",
+        );
+    }
+
+    #[test]
+    fn wrong_types_and_variants_are_named() {
+        check("\n alpha = \"x\"", NONE, "a.toml:2:10: alpha: found string \"x\", expected f64");
+        check("", &["horizon=1.5"], "--set horizon=1.5: horizon: found floating point 1.5, expected usize");
+        check("", &["n_agents=-1"], "--set n_agents=-1: n_agents: found integer -1, expected usize");
+        check("", &["backend=slow"], "--set backend=slow: backend: found slow, expected fast or reference");
+    }
+
+    #[test]
+    fn ranges_are_located_where_the_value_came_from() {
+        check("alpha = -0.1", NONE, "a.toml:1:1: alpha: found -0.1, expected a finite number ≥ 0");
+        check("alpha = 0.1", &["alpha=-2"], "--set alpha=-2: alpha: found -2, expected a finite number ≥ 0");
+        check("N = 0", NONE, "a.toml:1:1: n_agents: found 0, expected an integer from 1 to 1000");
+        check("M = 0", NONE, "a.toml:1:1: n_behaviours: found 0, expected an integer from 1 to 1000");
+        check(
+            "[sim.laser]\nnoise_std = -1",
+            NONE,
+            "a.toml:2:1: sim.laser.noise_std: found -1, expected a number in [0, 100]",
+        );
+        check(
+            "minibatch = 641",
+            NONE,
+            "a.toml:1:1: minibatch: found 641, expected 1 to 640 (horizon · n_agents · n_rooms)",
+        );
+        check(
+            "minibatch = 0",
+            NONE,
+            "a.toml:1:1: minibatch: found 0, expected 1 to 640 (horizon · n_agents · n_rooms)",
+        );
+        check(
+            "[discriminator]\nhidden = 0",
+            NONE,
+            "a.toml:2:1: discriminator.hidden: found 0, expected 1 to 65536",
+        );
+        check("[network]\nhidden = 0", NONE, "a.toml:2:1: network.hidden: found 0, expected 1 to 65536");
+    }
+
+    #[test]
+    fn what_is_not_toml_is_one_line() {
+        let error = Config::parse("alpha = = 2", "a.toml", NONE).unwrap_err().to_string();
+        assert!(error.starts_with("a.toml:1:") && error.lines().count() == 1, "{error}");
+        check("", &["alpha"], "--set alpha: expected key=value");
+        check("", &["alpha=[1"], "--set alpha=[1: expected a TOML value after the =");
+        check("", &["=1"], "--set =1: expected a dotted key before the =");
+        check("", &["alpha.x=1", "seed=2"], "--set alpha.x=1: alpha.x: found map, expected f64");
+        let both = Config::parse("N = 1\nn_agents = 2", "a.toml", NONE).unwrap_err().to_string();
+        assert!(both.contains("duplicate"), "{both}");
+    }
+
+    #[test]
+    fn files_are_read_and_missing_ones_named() {
+        let error = Config::load(Path::new("/nonexistent/a.toml"), NONE).unwrap_err().to_string();
+        assert!(error.starts_with("/nonexistent/a.toml: cannot read"), "{error}");
+    }
+
+    #[test]
+    fn edit_distances() {
+        for (a, b, expected) in [("", "abc", 3), ("kitten", "sitting", 3), ("same", "same", 0)] {
+            assert_eq!(edit_distance(a, b), expected);
+        }
+    }
+}

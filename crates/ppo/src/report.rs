@@ -1,0 +1,97 @@
+//! What one update tells: results, which are the same bytes in every repetition, and seconds, which are not.
+
+use serde::{Deserialize, Serialize};
+
+/// One update's measures, ready to be logged as one record.
+///
+/// Rewards, returns and lengths are those of the rollout; discriminator losses and accuracies are measured on the new
+/// rollout *before* training on it, so that they tell of unseen data.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct UpdateReport {
+    /// Number of this update, counted from 1.
+    pub update: u64,
+    /// Transitions collected since the start of the run.
+    pub transitions: u64,
+    /// Mean task reward of a step.
+    pub task_reward: f64,
+    /// Mean intrinsic reward of a step, before its weight α.
+    pub intrinsic_reward: f64,
+    /// Episodes that ended in this rollout.
+    pub episodes: EpisodeCounts,
+    /// Mean undiscounted task return of those episodes; `None` when there was none.
+    pub episode_return: Option<f64>,
+    /// Mean length of those episodes in steps; `None` when there was none.
+    pub episode_length: Option<f64>,
+    /// q(z | s, a) on the new rollout.
+    pub discriminator_state_action: DiscriminatorReport,
+    /// q(z | s) on the new rollout.
+    pub discriminator_state: DiscriminatorReport,
+    /// D over a few of the rollout's observations, before the update: mean KL between behaviours, nats.
+    pub diversity: f64,
+    /// Mean value loss over the epochs' minibatches.
+    pub value_loss: f64,
+    /// 1 − Var(returns − V)/Var(returns), before the update.
+    pub explained_variance: f64,
+    /// Mean clipped surrogate loss over the epochs' minibatches.
+    pub policy_loss: f64,
+    /// Estimated KL(π_old ‖ π), mean over the last epoch's minibatches.
+    pub approx_kl: f64,
+    /// Share of ratios outside 1 ± ε, mean over the last epoch's minibatches.
+    pub clip_fraction: f64,
+    /// Largest |ratio − 1| in the first minibatch, where π is still π_old: 0 but for rounding between batch sizes.
+    pub first_ratio_deviation: f64,
+    /// Entropy of the policy after the update, nats.
+    pub entropy: f64,
+    /// Log standard deviations of v and ω after the update.
+    pub log_std: [f32; 2],
+    /// Where the time went.
+    pub clock: Clock,
+}
+
+/// How the episodes of a rollout ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct EpisodeCounts {
+    /// Ended in this rollout, in any way.
+    pub ended: u64,
+    /// Reached the goal.
+    pub success: u64,
+    /// Crashed into a wall or an obstacle.
+    pub collision_wall: u64,
+    /// Crashed into another agent.
+    pub collision_agent: u64,
+    /// Cut by the time limit.
+    pub timeout: u64,
+}
+
+/// One discriminator on data it has not seen.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct DiscriminatorReport {
+    /// Cross-entropy, nats; ln M for one that knows nothing.
+    pub loss: f64,
+    /// Share of rows whose behaviour is guessed; 1/M for one that knows nothing.
+    pub accuracy: f64,
+}
+
+/// Seconds per phase, by the wall clock: the only fields that differ between repetitions.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Clock {
+    /// Inference and simulation (Algorithm 1, lines 5–7).
+    pub rollout: f64,
+    /// Of the rollout: inference of the actor.
+    pub inference: f64,
+    /// Of the rollout: the simulator.
+    pub simulation: f64,
+    /// Values, intrinsic rewards, advantages and D (lines 8–9).
+    pub evaluation: f64,
+    /// Training of all networks (lines 13–26).
+    pub learning: f64,
+    /// The whole update.
+    pub total: f64,
+}
+
+impl UpdateReport {
+    /// The same report with its clock at zero: what repetitions and resumed runs have in common.
+    pub fn without_clock(&self) -> Self {
+        Self { clock: Clock::default(), ..self.clone() }
+    }
+}

@@ -1,0 +1,237 @@
+//! The data of one update: preallocated buffers over T steps and A agents, step after step.
+
+use jostle_policy::Batch;
+use jostle_sim::{Outcome, Rooms, StepEnd};
+
+use crate::PpoError;
+use crate::gae::{self, StepFate};
+use crate::report::EpisodeCounts;
+
+/// T steps of A agents.
+///
+/// # Shapes
+///
+/// All buffers are row-major [T, A] with row index t·A + a. `observations` and `tokens` hold rows beyond T·A: first the
+/// A observations after the last step, then the last observations of truncated episodes, whose values are needed, too.
+#[derive(Debug)]
+pub struct Rollout {
+    n_steps: usize,
+    n_agents: usize,
+    width: usize,
+    observations: Vec<f32>,
+    tokens: Vec<u32>,
+    /// Sampled actions, unclipped.
+    pub(crate) actions: Vec<[f32; 2]>,
+    /// What the robots executed.
+    pub(crate) executed: Vec<[f32; 2]>,
+    /// log π_old(a | s, z).
+    pub(crate) log_probs: Vec<f64>,
+    /// Task rewards.
+    pub(crate) rewards: Vec<f64>,
+    /// Intrinsic rewards, without α.
+    pub(crate) intrinsic: Vec<f64>,
+    fates: Vec<StepFate>,
+    /// Rows whose episode was truncated, with its last observation (kept where truncation is bootstrapped).
+    truncated: Vec<(usize, Vec<f32>)>,
+    /// V of the observations acted on.
+    pub(crate) values: Vec<f64>,
+    /// GAE, normalised over the rollout.
+    pub(crate) advantages: Vec<f64>,
+    /// Targets of the value function: GAE before normalisation, plus V.
+    pub(crate) returns: Vec<f64>,
+    pub(crate) episodes: EpisodeCounts,
+    pub(crate) return_sum: f64,
+    pub(crate) length_sum: f64,
+}
+
+impl Rollout {
+    /// Buffers for `n_steps` steps of `n_agents` agents with observations of `width` values.
+    pub fn new(n_steps: usize, n_agents: usize, width: usize) -> Self {
+        let n = n_steps * n_agents;
+        Self {
+            n_steps,
+            n_agents,
+            width,
+            observations: Vec::with_capacity((n + 2 * n_agents) * width),
+            tokens: Vec::with_capacity(n + 2 * n_agents),
+            actions: Vec::with_capacity(n),
+            executed: Vec::with_capacity(n),
+            log_probs: Vec::with_capacity(n),
+            rewards: Vec::with_capacity(n),
+            intrinsic: vec![0.0; n],
+            fates: Vec::with_capacity(n),
+            truncated: Vec::new(),
+            values: vec![0.0; n],
+            advantages: vec![0.0; n],
+            returns: vec![0.0; n],
+            episodes: EpisodeCounts::default(),
+            return_sum: 0.0,
+            length_sum: 0.0,
+        }
+    }
+
+    /// Number of transitions, T·A.
+    pub fn len(&self) -> usize {
+        self.n_steps * self.n_agents
+    }
+
+    /// Whether there is no transition.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Observations that were acted on, [T·A, width].
+    pub fn observations(&self) -> &[f32] {
+        &self.observations[..self.len() * self.width]
+    }
+
+    /// Behaviour tokens that were acted with, [T·A].
+    pub fn tokens(&self) -> &[u32] {
+        &self.tokens[..self.len()]
+    }
+
+    /// A minibatch by its rows.
+    pub fn batch<'a>(&'a self, rows: &'a [u32]) -> Batch<'a> {
+        Batch::subset(self.observations(), self.tokens(), rows)
+    }
+
+    /// Every row whose value is needed: acted on, after the last step, and at truncations.
+    pub(crate) fn rows_to_value(&self) -> Batch<'_> {
+        Batch::new(&self.observations, &self.tokens)
+    }
+
+    /// Forgets the last update's steps.
+    pub(crate) fn clear(&mut self) {
+        self.observations.clear();
+        self.tokens.clear();
+        self.actions.clear();
+        self.executed.clear();
+        self.log_probs.clear();
+        self.rewards.clear();
+        self.fates.clear();
+        self.truncated.clear();
+        self.episodes = EpisodeCounts::default();
+        (self.return_sum, self.length_sum) = (0.0, 0.0);
+    }
+
+    /// Appends what all agents see and which behaviour they follow.
+    ///
+    /// # Errors
+    ///
+    /// [`PpoError::NotFinite`] naming the agent whose observation is not finite.
+    pub(crate) fn push_observations(&mut self, rooms: &Rooms, update: u64) -> Result<(), PpoError> {
+        for (agent, row) in rooms.observations().chunks_exact(self.width).enumerate() {
+            if row.iter().any(|x| !x.is_finite()) {
+                return Err(PpoError::NotFinite { update, tensor: "observation".into(), agent: Some(agent) });
+            }
+        }
+        self.observations.extend_from_slice(rooms.observations());
+        self.tokens.extend_from_slice(rooms.tokens());
+        Ok(())
+    }
+
+    /// The last [A, width] observations pushed, with their tokens.
+    pub(crate) fn present(&self) -> Batch<'_> {
+        let n = self.tokens.len() - self.n_agents;
+        Batch::new(&self.observations[n * self.width..], &self.tokens[n..])
+    }
+
+    /// Appends what the simulator answered to the step's actions.
+    pub(crate) fn push_transitions(&mut self, rooms: &Rooms) {
+        for transition in rooms.transitions() {
+            self.executed.push(transition.executed);
+            self.rewards.push(f64::from(transition.reward));
+            self.fates.push(match transition.end {
+                StepEnd::Running => StepFate::Running,
+                StepEnd::Terminated(_) => StepFate::Terminated,
+                StepEnd::Truncated => StepFate::Truncated { bootstrap_value: 0.0 },
+            });
+            let counts = &mut self.episodes;
+            match transition.end {
+                StepEnd::Running => continue,
+                StepEnd::Terminated(Outcome::Success) => counts.success += 1,
+                StepEnd::Terminated(Outcome::CollisionWall) => counts.collision_wall += 1,
+                StepEnd::Terminated(Outcome::CollisionAgent) => counts.collision_agent += 1,
+                StepEnd::Truncated => counts.timeout += 1,
+            }
+            counts.ended += 1;
+            if let Some(episode) = &transition.episode {
+                self.return_sum += episode.episode_return;
+                self.length_sum += f64::from(episode.steps);
+            }
+        }
+    }
+
+    /// Keeps the last observations of the episodes that the last step cut, so that their values can be had.
+    pub(crate) fn keep_truncated(&mut self, rooms: &Rooms) {
+        let first = self.fates.len() - self.n_agents;
+        for agent in 0..self.n_agents {
+            if matches!(self.fates[first + agent], StepFate::Truncated { .. }) {
+                self.truncated.push((first + agent, rooms.final_observation(agent).to_vec()));
+            }
+        }
+    }
+
+    /// Appends the kept last observations to the rows that will be valued.
+    pub(crate) fn value_truncations(&mut self) {
+        for (row, observation) in &self.truncated {
+            self.observations.extend_from_slice(observation);
+            self.tokens.push(self.tokens[*row]);
+        }
+    }
+
+    /// Algorithm 1, line 9, for each agent's own sequence: advantages of r + α·intrinsic, and the value targets.
+    ///
+    /// # Shapes
+    ///
+    /// `values` is [T·A + A (+ truncations)], as [`Self::rows_to_value`] orders them.
+    pub(crate) fn estimate_advantages(&mut self, values: &[f32], alpha: f64, discounts: (f64, f64)) {
+        let (n, n_agents) = (self.len(), self.n_agents);
+        let (acted, behind) = values.split_at(n);
+        let (last, truncations) = behind.split_at(n_agents);
+        self.values.iter_mut().zip(acted).for_each(|(to, &v)| *to = f64::from(v));
+        // Without the switch no truncation was valued, and its bootstrap value stays 0.
+        for ((row, _), &v) in self.truncated.iter().zip(truncations) {
+            self.fates[*row] = StepFate::Truncated { bootstrap_value: f64::from(v) };
+        }
+        let mut sequence = Sequence::new(self.n_steps);
+        for (agent, &last_value) in last.iter().enumerate() {
+            for t in 0..self.n_steps {
+                let row = t * n_agents + agent;
+                sequence.rewards[t] = self.rewards[row] + alpha * self.intrinsic[row];
+                (sequence.values[t], sequence.fates[t]) = (self.values[row], self.fates[row]);
+            }
+            sequence.advantages(f64::from(last_value), discounts);
+            for (t, &advantage) in sequence.advantages.iter().enumerate() {
+                let row = t * n_agents + agent;
+                self.advantages[row] = advantage;
+                self.returns[row] = advantage + self.values[row];
+            }
+        }
+    }
+
+    /// A sum over the ended episodes as a mean.
+    pub(crate) fn mean_per_episode(&self, sum: f64) -> Option<f64> {
+        (self.episodes.ended > 0).then(|| sum / self.episodes.ended as f64)
+    }
+}
+
+/// One agent's steps side by side, as [`gae::advantages`] reads them.
+struct Sequence {
+    rewards: Vec<f64>,
+    values: Vec<f64>,
+    fates: Vec<StepFate>,
+    advantages: Vec<f64>,
+}
+
+impl Sequence {
+    fn new(n: usize) -> Self {
+        let zeros = || vec![0.0; n];
+        Self { rewards: zeros(), values: zeros(), fates: vec![StepFate::Running; n], advantages: zeros() }
+    }
+
+    fn advantages(&mut self, last_value: f64, discounts: (f64, f64)) {
+        let Self { rewards, values, fates, advantages } = self;
+        gae::advantages(rewards, values, fates, last_value, discounts, advantages);
+    }
+}

@@ -1,0 +1,146 @@
+//! The promises of a training run: the same bytes at any number of threads, after a resume, on both back ends.
+
+mod common;
+
+use std::path::Path;
+
+use common::{tiny, trainer};
+use jostle_ppo::checkpoint::previous_path;
+use jostle_ppo::{PpoError, Trainer, UpdateReport};
+
+fn run(trainer: &mut Trainer, updates: usize) -> Vec<UpdateReport> {
+    (0..updates).map(|_| trainer.update().expect("finite numbers").without_clock()).collect()
+}
+
+/// The bytes of a checkpoint, part by part, so that a failure names the part that moved.
+fn saved(trainer: &mut Trainer, folder: &Path) -> Vec<(String, Vec<u8>)> {
+    let path = folder.join("checkpoint.safetensors");
+    trainer.save(&path).expect("a writable folder");
+    let file = jostle_policy::TensorFile::read(&path).expect("a readable checkpoint");
+    let mut parts: Vec<_> = file
+        .names()
+        .map(|name| (name.to_owned(), file.raw(name).expect("it is listed").1.to_vec()))
+        .collect();
+    parts.push(("whole file".to_owned(), std::fs::read(&path).expect("a readable file")));
+    parts
+}
+
+#[track_caller]
+fn assert_same(found: &[(String, Vec<u8>)], expected: &[(String, Vec<u8>)], what: &str) {
+    assert_eq!(found.len(), expected.len());
+    let moved: Vec<&str> =
+        found.iter().zip(expected).filter(|(f, e)| f != e).map(|(f, _)| f.0.as_str()).collect();
+    assert!(moved.is_empty(), "{what}: other bytes in {moved:?}");
+}
+
+#[test]
+fn the_number_of_threads_changes_no_bit() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    for backend in ["backend=fast", "backend=reference"] {
+        let result = |threads: &str| {
+            let mut trainer = trainer(&[backend, threads]);
+            let reports = run(&mut trainer, 5);
+            (reports, saved(&mut trainer, folder.path()))
+        };
+        let (reports, bytes) = result("threads=1");
+        for threads in ["threads=2", "threads=8"] {
+            let (other_reports, other_bytes) = result(threads);
+            assert_eq!(other_reports, reports, "{backend} {threads}");
+            assert_same(&other_bytes, &bytes, &format!("{backend} {threads}"));
+        }
+    }
+}
+
+#[test]
+fn a_resumed_run_ends_with_the_bytes_of_an_uninterrupted_one() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let half = folder.path().join("half.safetensors");
+    for backend in ["backend=fast", "backend=reference"] {
+        let mut whole = trainer(&[backend, "threads=2", "bootstrap_truncation=true"]);
+        let reports = run(&mut whole, 6);
+        let whole = saved(&mut whole, folder.path());
+
+        let config = tiny(&[backend, "threads=1", "bootstrap_truncation=true"]);
+        let mut first = Trainer::new(config.clone()).expect("valid");
+        run(&mut first, 3);
+        first.save(&half).expect("writable");
+        drop(first);
+        for threads in [1, 8] {
+            let config = jostle_ppo::Config { threads, ..config.clone() };
+            let mut second = Trainer::resume_with(&half, config).expect("a good checkpoint");
+            assert_eq!(run(&mut second, 3), reports[3..], "{backend}");
+            assert_same(&saved(&mut second, folder.path()), &whole, backend);
+        }
+        let mut by_file_alone = Trainer::resume(&half).expect("a good checkpoint");
+        run(&mut by_file_alone, 3);
+        assert_same(&saved(&mut by_file_alone, folder.path()), &whole, backend);
+    }
+}
+
+#[test]
+fn both_back_ends_start_alike() {
+    let first = |backend: &str| run(&mut trainer(&[backend]), 1).remove(0);
+    let (fast, reference) = (first("backend=fast"), first("backend=reference"));
+    let close = |a: f64, b: f64| (a - b).abs() < 1e-4 * (1.0 + b.abs());
+    assert!(close(fast.task_reward, reference.task_reward), "{fast:?}\n{reference:?}");
+    assert!(close(fast.value_loss, reference.value_loss), "{fast:?}\n{reference:?}");
+    assert!(close(fast.discriminator_state.loss, reference.discriminator_state.loss));
+    assert!(close(fast.diversity, reference.diversity));
+}
+
+#[test]
+fn seeds_and_configurations_part_ways() {
+    let reports = |overrides: &[&str]| run(&mut trainer(overrides), 2);
+    let base = reports(&[]);
+    assert_eq!(base, reports(&[]));
+    assert_ne!(base, reports(&["seed=2"]));
+    assert_ne!(base, reports(&["alpha=0.5"]));
+    assert_ne!(base, reports(&["discriminator.noise=off"]));
+    assert_ne!(base, reports(&["max_grad_norm=0.001"]));
+}
+
+#[test]
+fn the_previous_checkpoint_is_kept() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("a.safetensors");
+    let mut trainer = trainer(&[]);
+    run(&mut trainer, 1);
+    trainer.save(&path).expect("writable");
+    let first = std::fs::read(&path).expect("readable");
+    assert!(!previous_path(&path).exists());
+    run(&mut trainer, 1);
+    trainer.save(&path).expect("writable");
+    assert_eq!(std::fs::read(previous_path(&path)).expect("kept"), first);
+    assert_ne!(std::fs::read(&path).expect("readable"), first);
+    assert_eq!(Trainer::resume(&previous_path(&path)).expect("good").updates_done(), 1);
+    let names = std::fs::read_dir(folder.path()).expect("readable").count();
+    assert_eq!(names, 2, "no partial file stays");
+}
+
+#[test]
+fn damaged_and_foreign_checkpoints_are_refused() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("a.safetensors");
+    let mut trainer = trainer(&[]);
+    trainer.save(&path).expect("writable");
+    let good = std::fs::read(&path).expect("readable");
+    let refused = |bytes: &[u8]| {
+        std::fs::write(&path, bytes).expect("writable");
+        let error = Trainer::resume(&path).err().expect("refused").to_string();
+        assert!(error.starts_with(&path.display().to_string()) && error.lines().count() == 1, "{error}");
+    };
+    refused(b"");
+    refused(&good[..good.len() / 2]);
+    refused(&good[..100]);
+    let mut flipped = good.clone();
+    *flipped.last_mut().expect("not empty") ^= 1;
+    refused(&flipped);
+    let mut claims_much = good.clone();
+    claims_much[..8].copy_from_slice(&u64::MAX.to_le_bytes());
+    refused(&claims_much);
+
+    std::fs::write(&path, &good).expect("writable");
+    let other = Trainer::resume_with(&path, tiny(&["alpha=0.5"])).err().expect("refused");
+    assert!(matches!(other, PpoError::Checkpoint { ref field, .. } if field == "config_hash"), "{other}");
+    assert!(Trainer::resume(&folder.path().join("missing")).is_err());
+}
