@@ -2,7 +2,7 @@
 //!
 //! Reading order: [`protocol`] (a policy in a crowd), [`config`], [`crowds`], [`robot`] (who is tested), [`lock_step`] and
 //! [`room`] (how episodes run); [`outcome`], [`metrics`], [`statistics`] (what is measured), [`diversity`] (the metric D);
-//! [`cell`] and [`records`] (what is kept), [`paper`] (its tables as data), [`report`] (what is printed).
+//! [`cell`] and [`records`] (what is kept), [`replay`] (episodes step by step), [`paper`] (its tables as data), [`report`] (what is printed).
 //!
 //! Architecture invariants: nothing here trains or knows the trainer; no result depends on the clock, the number of
 //! threads or the lock step.
@@ -22,6 +22,7 @@ pub mod outcome;
 pub mod paper;
 pub mod protocol;
 pub mod records;
+pub mod replay;
 pub mod report;
 pub mod robot;
 pub mod room;

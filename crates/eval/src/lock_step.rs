@@ -39,7 +39,7 @@ pub fn run_episodes(
     let mut next = episodes.start;
     let mut buffers = Buffers::default();
     while !rooms.is_empty() {
-        let ended = buffers.step(plan, robot, crowd, &mut rooms)?;
+        let ended = buffers.step(plan, robot, crowd, &mut rooms, &mut |_| {})?;
         if ended.is_empty() {
             continue;
         }
@@ -55,7 +55,7 @@ pub fn run_episodes(
 
 /// Memory of a step that is kept for the next.
 #[derive(Default)]
-struct Buffers {
+pub(crate) struct Buffers {
     observations: Vec<f32>,
     actions: Vec<[f32; 2]>,
     robots: Vec<Pedestrian>,
@@ -63,13 +63,14 @@ struct Buffers {
 }
 
 impl Buffers {
-    /// One control period of all rooms; the rooms that ended are taken out.
-    fn step(
+    /// One control period of all rooms; `watch` sees each of them, then the rooms that ended are taken out.
+    pub(crate) fn step(
         &mut self,
         plan: &RoomPlan,
         robot: &mut dyn RobotPolicy,
         crowd: &mut dyn Crowd,
         rooms: &mut Vec<EvalRoom>,
+        watch: &mut dyn FnMut(&EvalRoom),
     ) -> Result<Vec<FinishedEpisode>, EvalError> {
         self.decide(plan, robot, crowd, rooms)?;
         let n_pedestrians = plan.config.n_pedestrians();
@@ -81,6 +82,7 @@ impl Buffers {
             .enumerate()
             .map(|(i, room)| room.step(plan, actions[i], walks(i)))
             .collect::<Result<_, EvalError>>()?;
+        rooms.iter().for_each(|room| watch(room));
         let mut ended = results.iter().map(Option::is_some);
         rooms.retain(|_| !ended.next().unwrap_or(false));
         Ok(results.into_iter().flatten().collect())

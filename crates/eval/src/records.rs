@@ -8,6 +8,7 @@ use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use jostle_peds::CrowdKind;
+use jostle_policy::excerpt;
 use serde::{Deserialize, Serialize};
 
 use crate::cell::CellKey;
@@ -15,6 +16,9 @@ use crate::error::EvalError;
 use crate::identity::{ProvenanceRef, short};
 use crate::metrics::EpisodeMetrics;
 use crate::outcome::EpisodeOutcome;
+
+/// Largest record file that is read, in bytes: two million episodes.
+const FILE_MAX: u64 = 1 << 30;
 
 /// One episode.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -66,16 +70,31 @@ pub struct RecordFile {
 ///
 /// A file that cannot be read, a complete line that is no record or is out of order, records of several cells.
 pub fn read_records(path: &Path) -> Result<RecordFile, EvalError> {
-    let mut text = Vec::new();
-    File::open(path).and_then(|mut file| file.read_to_end(&mut text)).map_err(EvalError::io(path, "read"))?;
+    let mut file = File::open(path).map_err(EvalError::io(path, "read"))?;
+    let text = read_capped(path, &mut file)?;
     parse_records(path, &text)
+}
+
+/// All bytes of a record file, if it is a file and not absurdly large.
+fn read_capped(path: &Path, file: &mut File) -> Result<Vec<u8>, EvalError> {
+    let about = file.metadata().map_err(EvalError::io(path, "read"))?;
+    if !about.is_file() || about.len() > FILE_MAX {
+        let problem = format!("{} bytes, expected a file of at most {FILE_MAX}", about.len());
+        return Err(EvalError::Record { file: path.to_path_buf(), line: 1, problem });
+    }
+    let mut text = Vec::new();
+    file.read_to_end(&mut text).map_err(EvalError::io(path, "read"))?;
+    Ok(text)
 }
 
 fn parse_records(path: &Path, text: &[u8]) -> Result<RecordFile, EvalError> {
     let sound = text.iter().rposition(|byte| *byte == b'\n').map_or(0, |last| last + 1);
     let mut records: Vec<EpisodeRecord> = Vec::new();
     for (idx, line) in text[..sound].split_inclusive(|byte| *byte == b'\n').enumerate() {
-        let refuse = |problem: String| EvalError::Record { file: path.to_path_buf(), line: idx + 1, problem };
+        let refuse = |problem: String| {
+            let problem = excerpt(&problem);
+            EvalError::Record { file: path.to_path_buf(), line: idx + 1, problem }
+        };
         let record: EpisodeRecord =
             serde_json::from_slice(line).map_err(|error| refuse(error.to_string()))?;
         if record.episode != idx as u64 {
@@ -161,8 +180,7 @@ impl RecordWriter {
                 EvalError::Io { file: path.to_path_buf(), action: "lock", source }
             }
         })?;
-        let mut text = Vec::new();
-        file.read_to_end(&mut text).map_err(EvalError::io(path, "read"))?;
+        let text = read_capped(path, &mut file)?;
         let held = parse_records(path, &text)?;
         check_cell(path, &held, key)?;
         if let Some(torn) = held.torn {

@@ -184,6 +184,16 @@ impl EvalRoom {
         &self.observations[..self.observations.len() / self.observers.len()]
     }
 
+    /// The robot's last noise-free scan, one range a beam.
+    pub fn robot_ranges(&self) -> &[f32] {
+        &self.ranges[..self.ranges.len() / self.motions.len()]
+    }
+
+    /// Linear and angular velocity that the robot executed in the last step; 0 before the first and where it was stopped.
+    pub fn robot_velocity(&self) -> [f32; 2] {
+        self.velocity
+    }
+
     /// The pedestrians as they stand.
     pub fn pedestrians(&self) -> &[Pedestrian] {
         &self.pedestrians
