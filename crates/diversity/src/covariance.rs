@@ -60,7 +60,9 @@ impl FullGaussian {
                 }
             }
         }
-        covariance.iter_mut().for_each(|c| *c /= (n - 1) as f64);
+        for c in &mut covariance {
+            *c /= (n - 1) as f64;
+        }
         Self::new(&mean, &covariance)
     }
 
@@ -73,7 +75,7 @@ impl FullGaussian {
     ///
     /// # Formula
     ///
-    /// ½ (‖L_q⁻¹ L_p‖²_F + ‖L_q⁻¹ (μ_q − μ_p)‖² − d) + ln det L_q − ln det L_p, with Σ = L Lᵀ.
+    /// `½ (‖L_q⁻¹ L_p‖²_F + ‖L_q⁻¹ (μ_q − μ_p)‖² − d) + ln det L_q − ln det L_p`, with Σ = L Lᵀ.
     ///
     /// # Errors
     ///

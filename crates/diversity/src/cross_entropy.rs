@@ -33,7 +33,7 @@ fn argmax(row: &[f32]) -> usize {
 ///
 /// # Shapes
 ///
-/// `logits` row-major [B, M], `tokens` [B].
+/// `logits` row-major `[B, M]`, `tokens` `[B]`.
 ///
 /// # Panics
 ///
@@ -53,7 +53,7 @@ pub fn evaluate(logits: &[f32], tokens: &[u32]) -> CrossEntropy {
 ///
 /// # Formula
 ///
-/// ∂loss/∂logit_k = (softmax_k − [k = z]) / B
+/// `∂loss/∂logit_k = (softmax_k − [k = z]) / B`
 ///
 /// # Panics
 ///

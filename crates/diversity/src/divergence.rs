@@ -11,7 +11,7 @@ use crate::DiversityError;
 ///
 /// # Formula
 ///
-/// With r = ln σ_p − ln σ_q: (e^{2r} − 1 − 2r)/2 + (μ_p − μ_q)²/(2σ_q²). Written with `expm1`, so that nearly equal
+/// With `r = ln σ_p − ln σ_q`: `(e^{2r} − 1 − 2r)/2 + (μ_p − μ_q)²/(2σ_q²)`. Written with `expm1`, so that nearly equal
 /// spreads do not cancel.
 pub fn kl_normal(mean_p: f64, log_std_p: f64, mean_q: f64, log_std_q: f64) -> f64 {
     let log_ratio = log_std_p - log_std_q;
@@ -68,11 +68,11 @@ impl<'a> BehaviourActions<'a> {
             .sum()
     }
 
-    /// Mean over the states of KL(π_i ‖ π_j).
+    /// Mean over the states of `KL(π_i ‖ π_j)`.
     ///
     /// # Shapes
     ///
-    /// Row-major [behaviours, behaviours]; entry (i, j) is KL(π_i ‖ π_j), the diagonal is 0.
+    /// Row-major [behaviours, behaviours]; entry (i, j) is `KL(π_i ‖ π_j)`, the diagonal is 0.
     pub fn pairwise(&self) -> Vec<f64> {
         let m = self.n_behaviours;
         let mut matrix = vec![0.0; m * m];

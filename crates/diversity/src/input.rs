@@ -16,11 +16,11 @@ pub const ACTION_LEN: usize = 2;
 ///
 /// # Shapes
 ///
-/// `observations` [B, width], `actions` [B]; `rows` becomes [B, width + 2].
+/// `observations` `[B, width]`, `actions` `[B]`; `rows` becomes `[B, width + 2]`.
 ///
 /// # Panics
 ///
-/// When `observations` is not [B, width].
+/// When `observations` is not `[B, width]`.
 pub fn state_action_rows(
     observations: &[f32],
     actions: &[[f32; ACTION_LEN]],
@@ -43,7 +43,7 @@ pub struct NoiseLevels {
 }
 
 impl NoiseLevels {
-    /// The levels that `config` asks for on `rows` [B, width], the whole rollout; `None` when noise is off.
+    /// The levels that `config` asks for on `rows` `[B, width]`, the whole rollout; `None` when noise is off.
     ///
     /// The last `n_action` features are the action; with `noise_on_action = false` they stay clean. A feature that is
     /// constant over the rollout receives none under [`InputNoise::FeatureStd`].
@@ -81,7 +81,9 @@ fn feature_std(rows: &[f32], width: usize) -> Vec<f64> {
     for row in rows.chunks_exact(width) {
         mean.iter_mut().zip(row).for_each(|(m, &x)| *m += f64::from(x));
     }
-    mean.iter_mut().for_each(|m| *m /= n as f64);
+    for m in &mut mean {
+        *m /= n as f64;
+    }
     let mut variance = vec![0.0_f64; width];
     for row in rows.chunks_exact(width) {
         for ((v, m), &x) in variance.iter_mut().zip(&mean).zip(row) {

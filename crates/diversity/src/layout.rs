@@ -42,7 +42,7 @@ impl DiscriminatorShape {
     }
 }
 
-/// A discriminator as a [`Network`]: rows [B, `n_inputs`] to logits [B, M]. The tokens of a batch are not read.
+/// A discriminator as a [`Network`]: rows [B, `n_inputs`] to logits `[B, M]`. The tokens of a batch are not read.
 ///
 /// # Errors
 ///

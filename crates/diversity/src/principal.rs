@@ -81,7 +81,9 @@ impl PrincipalComponents {
 fn with_positive_peak(mut vector: Vec<f64>) -> Vec<f64> {
     let peak = vector.iter().fold(0.0_f64, |peak, &x| if x.abs() > peak.abs() { x } else { peak });
     if peak < 0.0 {
-        vector.iter_mut().for_each(|x| *x = -*x);
+        for x in &mut vector {
+            *x = -*x;
+        }
     }
     vector
 }

@@ -49,11 +49,16 @@ fn gradients_are_finite_differences() {
                 evaluate(&logits, &tokens).loss
             };
             let kept = kept_all[k];
-            let (up, down) = (at(kept + 2e-3), at(kept - 2e-3));
-            at(kept);
-            let difference = (up - down) / f64::from((kept + 2e-3) - (kept - 2e-3));
-            let close = (difference - f64::from(g)).abs() < 5e-4 + 2e-3 * difference.abs();
-            assert!(close, "{backend:?}, parameter {k}: {difference} against {g}");
+            let (x_up, x_down) = (kept + 2e-3, kept - 2e-3);
+            let (up, down, here) = (at(x_up), at(x_down), at(kept));
+            // A ReLU that opens within the step spoils one side; the other must then agree.
+            let sides = [
+                (up - down) / f64::from(x_up - x_down),
+                (up - here) / f64::from(x_up - kept),
+                (here - down) / f64::from(kept - x_down),
+            ];
+            let close = sides.iter().any(|side| (side - f64::from(g)).abs() < 5e-4 + 2e-3 * side.abs());
+            assert!(close, "{backend:?}, parameter {k}: {sides:?} against {g}");
         }
     }
 }

@@ -3,7 +3,7 @@
 
 use jostle_ppo::{Config, PpoError, Trainer};
 
-const CONFIG: &str = r#"
+const CONFIG: &str = r"
 N = 2
 M = 2
 R = 8
@@ -16,7 +16,7 @@ room = { width = 6.0, height = 6.0 }
 laser = { beams = 32 }
 spawn = { goal_distance = 2.0, wall_clearance = 1.0 }
 episode = { step_limit = 100 }
-"#;
+";
 
 fn main() -> Result<(), PpoError> {
     let updates = std::env::args().nth(1).unwrap_or_else(|| "100".to_owned());

@@ -1,6 +1,7 @@
 //! Adam with moments that can be saved and restored to the bit.
 //!
-//! The loop itself is `jostle_policy`'s fused kernel. No weight decay; ε stands outside the square root; bias corrections are computed in f64 from the step count.
+//! The loop itself is `jostle_policy`'s fused kernel. No weight decay; ε stands outside the square root; bias corrections
+//! are computed in f64 from the step count.
 //!
 //! # References
 //!
@@ -92,7 +93,9 @@ pub fn clip_norm(gradient: &mut [f32], max_norm: f64) -> f64 {
     let norm = gradient.iter().map(|&g| f64::from(g) * f64::from(g)).sum::<f64>().sqrt();
     if max_norm > 0.0 && norm > max_norm {
         let scale = (max_norm / norm) as f32;
-        gradient.iter_mut().for_each(|g| *g *= scale);
+        for g in gradient {
+            *g *= scale;
+        }
     }
     norm
 }

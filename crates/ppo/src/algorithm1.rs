@@ -35,9 +35,9 @@
 //!
 //! # Departures
 //!
-//! - Line 9: the sum is over δ_{t+l} (see [`crate::gae`]).
+//! - Line 9: the sum is over `δ_{t+l}` (see [`crate::gae`]).
 //! - Lines 14, 15, 19: actor, critic and ratio are all conditioned on z. Lines 15 and 19 are means over a minibatch. L^V
-//!   is minimised, its target is GAE + V, which includes r_t.
+//!   is minimised, its target is GAE + V, which includes `r_t`.
 //! - Line 15: the entropy bonus of the lineage (Long et al. 2018 and its code) is added.
 //! - Lines 13–26: given the rollout the four networks are independent, so they learn side by side.
 
@@ -396,7 +396,7 @@ impl Lesson<'_> {
         Ok(sum / f64::from(n))
     }
 
-    /// Lines 22–26 for one of the two discriminators, whose input `inputs` are [T·A, width].
+    /// Lines 22–26 for one of the two discriminators, whose input `inputs` are `[T·A, width]`.
     ///
     /// With one behaviour there is nothing to tell apart: loss and gradient are exactly 0, and nothing would move.
     fn fit_discriminator(&self, q: &mut Learner, inputs: &[f32]) -> Result<(), PpoError> {

@@ -15,13 +15,19 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use jostle_diversity::DiscriminatorShape;
 use jostle_policy::file::{CHECKPOINT_FORMAT, network_json};
-use jostle_policy::{PolicyError, Provenance, TensorFile, TensorOut, Values, write_tensors};
+use jostle_policy::{
+    Layout, PolicyError, Provenance, TensorFile, TensorOut, Values, excerpt, write_tensors,
+};
 use jostle_sim::RoomsState;
 
 use crate::adam::Adam;
 use crate::learner::Learner;
 use crate::{Config, PpoError, Trainer};
+
+/// Largest count of updates, transitions or steps that is believed; a run of the paper sees 3.2 million transitions.
+const COUNT_MAX: u64 = 1 << 53;
 
 impl Trainer {
     /// Writes the run to `path`. A file that was there is replaced whole or not at all, and kept as
@@ -84,6 +90,11 @@ impl Trainer {
         let provenance = Provenance::read(file)?;
         if provenance.config_hash != config.hash() {
             return Err(refuse(file.path(), "config_hash", provenance.config_hash, config.hash()));
+        }
+        // Before anything of the configuration's sizes is made: a file that claims much must hold as much.
+        check_shapes(&config, file)?;
+        for (field, found) in [("update", provenance.update), ("transitions", provenance.transitions)] {
+            check_count(file, field, found)?;
         }
         let mut trainer = Self::new(config)?;
         let steps: BTreeMap<String, u64> = json(file, "state.adam_steps")?;
@@ -185,7 +196,41 @@ fn json<T: serde::de::DeserializeOwned>(file: &TensorFile, name: &str) -> Result
 }
 
 fn refuse(path: &Path, field: &str, found: String, expected: String) -> PpoError {
-    PpoError::Checkpoint { path: path.to_path_buf(), field: field.to_owned(), found, expected }
+    let (field, found) = (excerpt(field), excerpt(&found));
+    PpoError::Checkpoint { path: path.to_path_buf(), field, found, expected }
+}
+
+/// Refuses a file whose tensors are not of the shapes that the configuration asks for.
+fn check_shapes(config: &Config, file: &TensorFile) -> Result<(), PpoError> {
+    let network = config.network_config();
+    let (hidden, n_behaviours) = (config.discriminator.hidden, config.n_behaviours);
+    let q = |n_inputs| DiscriminatorShape { n_inputs, hidden, n_behaviours }.layout();
+    let width = network.observation_len();
+    let layouts = [
+        ("actor", Layout::actor(&network)),
+        ("critic", Layout::critic(&network)),
+        ("discriminator.state_action", q(width + 2)),
+        ("discriminator.state", q(width)),
+    ];
+    for (network, layout) in layouts {
+        for entry in layout.entries() {
+            let name = format!("{network}.{}", entry.name);
+            let shape = file.shape(&name)?;
+            if shape != entry.shape {
+                let expected = format!("shape {:?}", entry.shape);
+                return Err(refuse(file.path(), &name, format!("shape {shape:?}"), expected));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Refuses a count that could not go on.
+fn check_count(file: &TensorFile, field: &str, found: u64) -> Result<(), PpoError> {
+    if found <= COUNT_MAX {
+        return Ok(());
+    }
+    Err(refuse(file.path(), field, found.to_string(), format!("at most {COUNT_MAX}")))
 }
 
 /// A learner in canonical order.
@@ -234,6 +279,7 @@ impl Learner {
         let missing =
             || refuse(file.path(), "state.adam_steps", "nothing".to_owned(), format!("{name}'s step count"));
         let taken = *steps.get(name).ok_or_else(missing)?;
+        check_count(file, "state.adam_steps", taken)?;
         self.adam = Adam::resume(self.adam.learning_rate(), taken, first, second);
         Ok(())
     }

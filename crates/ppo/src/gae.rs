@@ -5,8 +5,8 @@
 //!
 //! # Departures
 //!
-//! The paper's line 9 sums the undelayed δ_t; the sum meant, here and in its source, is over δ_{t+l}
-//! (Schulman et al., arXiv:1506.02438, Eq. 16).
+//! The paper's line 9 sums the undelayed `δ_t`; the sum meant, here and in its source, is over
+//! `δ_{t+l}` (Schulman et al., arXiv:1506.02438, Eq. 16).
 
 /// How a step relates to its episode, with what stands behind the step.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,12 +29,12 @@ pub enum StepFate {
 ///
 /// # Formula
 ///
-/// δ_t = r_t + γ·V_next − V_t and A_t = δ_t + γλ·A_{t+1}, where A_{t+1} is dropped at an episode's end and V_next is 0
-/// (terminated), the bootstrap value (truncated), else V_{t+1} or `last_value`.
+/// `δ_t = r_t + γ·V_next − V_t` and `A_t = δ_t + γλ·A_{t+1}`, where `A_{t+1}` is dropped at an episode's end and
+/// `V_next` is 0 (terminated), the bootstrap value (truncated), else `V_{t+1}` or `last_value`.
 ///
 /// # Shapes
 ///
-/// `rewards`, `values`, `fates` and `advantages` are [T].
+/// `rewards`, `values`, `fates` and `advantages` are `[T]`.
 ///
 /// # Panics
 ///
@@ -77,7 +77,9 @@ pub fn normalise(advantages: &mut [f64]) {
     let mean = advantages.iter().sum::<f64>() / n;
     let variance = advantages.iter().map(|a| (a - mean) * (a - mean)).sum::<f64>() / n;
     let scale = variance.sqrt() + 1e-8;
-    advantages.iter_mut().for_each(|a| *a = (*a - mean) / scale);
+    for a in advantages {
+        *a = (*a - mean) / scale;
+    }
 }
 
 #[cfg(test)]

@@ -13,7 +13,7 @@ pub const N_ACTIONS: usize = 2;
 pub struct PolicyTargets<'a> {
     /// Sampled, unclipped actions.
     pub actions: &'a [[f32; N_ACTIONS]],
-    /// log π_old(a|s, z), from the rollout.
+    /// `log π_old(a|s, z)`, from the rollout.
     pub old_log_probs: &'a [f64],
     /// Advantages as they are to be used (normalised by the caller).
     pub advantages: &'a [f64],
@@ -37,7 +37,7 @@ pub struct PolicyLoss {
     pub surrogate: f64,
     /// Entropy of the policy in one state (equal for all).
     pub entropy: f64,
-    /// mean((k − 1) − ln k), Schulman's low-variance estimate of KL(π_old ‖ π).
+    /// mean((k − 1) − ln k), Schulman's low-variance estimate of `KL(π_old ‖ π)`.
     pub approx_kl: f64,
     /// Share of rows whose ratio k lies outside 1 ± ε.
     pub clip_fraction: f64,
@@ -53,11 +53,12 @@ pub struct PolicyLoss {
 ///
 /// # Shapes
 ///
-/// `means` and `d_means` are [B] for the B entries of `rows`, which index the rollout's `targets`.
+/// `means` and `d_means` are `[B]` for the B entries of `rows`, which index the rollout's `targets`.
 ///
 /// # Formula
 ///
-/// With k = exp(log π − log π_old): ∂(k·A)/∂μ_d = k·A·(a_d − μ_d)/σ_d² and ∂(k·A)/∂ln σ_d = k·A·(((a_d − μ_d)/σ_d)² − 1).
+/// With `k = exp(log π − log π_old)`: `∂(k·A)/∂μ_d = k·A·(a_d − μ_d)/σ_d²` and
+/// `∂(k·A)/∂ln σ_d = k·A·(((a_d − μ_d)/σ_d)² − 1)`.
 ///
 /// # Panics
 ///
@@ -105,7 +106,7 @@ pub fn policy_loss(
 ///
 /// # Shapes
 ///
-/// `values` and `d_values` are [B] for the B entries of `rows`, which index the rollout's `returns`.
+/// `values` and `d_values` are `[B]` for the B entries of `rows`, which index the rollout's `returns`.
 ///
 /// # Panics
 ///
@@ -143,6 +144,8 @@ mod tests {
         DiagonalGaussian { mean, log_std }.log_prob(action)
     }
 
+    /// Step of finite differences.
+    const H: f32 = 1e-3;
     const WEIGHTS: PolicyLossWeights = PolicyLossWeights { clip_coef: 0.1, ent_coef: 5e-4 };
 
     /// Loss of one row with the old log-probability chosen so that the ratio is `ratio`.
@@ -182,7 +185,8 @@ mod tests {
     fn value_loss_by_hand() {
         let mut d_values = [0.0; 2];
         let loss = value_loss(&[1.0, 5.0], &[9.0, 3.0, 4.0], &[1, 2], &mut d_values);
-        assert_eq!(loss, (4.0 + 1.0) / 2.0);
+        // ((5 − 4)² + (1 − 3)²) / 2
+        assert_eq!(loss, 2.5);
         assert_eq!(d_values, [-2.0, 1.0]);
     }
 
@@ -213,7 +217,6 @@ mod tests {
             let mut d_means = [[0.0; 2]; 4];
             let loss = policy_loss(&picked(&means), log_std, targets, &rows, WEIGHTS, &mut d_means);
             let at = |means: &[[f32; 2]], log_std| policy_loss(&picked(means), log_std, targets, &rows, WEIGHTS, &mut [[0.0; 2]; 4]).loss;
-            const H: f32 = 1e-3;
             for d in 0..2 {
                 for (b, &row) in rows.iter().enumerate() {
                     let kept = means[row as usize][d];

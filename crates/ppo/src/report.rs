@@ -34,11 +34,11 @@ pub struct UpdateReport {
     pub explained_variance: f64,
     /// Mean clipped surrogate loss over the epochs' minibatches.
     pub policy_loss: f64,
-    /// Estimated KL(π_old ‖ π), mean over the last epoch's minibatches.
+    /// Estimated `KL(π_old ‖ π)`, mean over the last epoch's minibatches.
     pub approx_kl: f64,
     /// Share of ratios outside 1 ± ε, mean over the last epoch's minibatches.
     pub clip_fraction: f64,
-    /// Largest |ratio − 1| in the first minibatch, where π is still π_old: 0 but for rounding between batch sizes.
+    /// Largest |ratio − 1| in the first minibatch, where π is still `π_old`: 0 but for rounding between batch sizes.
     pub first_ratio_deviation: f64,
     /// Entropy of the policy after the update, nats.
     pub entropy: f64,
@@ -91,6 +91,7 @@ pub struct Clock {
 
 impl UpdateReport {
     /// The same report with its clock at zero: what repetitions and resumed runs have in common.
+    #[must_use]
     pub fn without_clock(&self) -> Self {
         Self { clock: Clock::default(), ..self.clone() }
     }

@@ -11,7 +11,7 @@ use crate::report::EpisodeCounts;
 ///
 /// # Shapes
 ///
-/// All buffers are row-major [T, A] with row index t·A + a. `observations` and `tokens` hold rows beyond T·A: first the
+/// All buffers are row-major `[T, A]` with row index t·A + a. `observations` and `tokens` hold rows beyond T·A: first the
 /// A observations after the last step, then the last observations of truncated episodes, whose values are needed, too.
 #[derive(Debug)]
 pub struct Rollout {
@@ -24,7 +24,7 @@ pub struct Rollout {
     pub(crate) actions: Vec<[f32; 2]>,
     /// What the robots executed.
     pub(crate) executed: Vec<[f32; 2]>,
-    /// log π_old(a | s, z).
+    /// `log π_old(a | s, z)`.
     pub(crate) log_probs: Vec<f64>,
     /// Task rewards.
     pub(crate) rewards: Vec<f64>,
@@ -80,12 +80,12 @@ impl Rollout {
         self.len() == 0
     }
 
-    /// Observations that were acted on, [T·A, width].
+    /// Observations that were acted on, `[T·A, width]`.
     pub fn observations(&self) -> &[f32] {
         &self.observations[..self.len() * self.width]
     }
 
-    /// Behaviour tokens that were acted with, [T·A].
+    /// Behaviour tokens that were acted with, `[T·A]`.
     pub fn tokens(&self) -> &[u32] {
         &self.tokens[..self.len()]
     }

@@ -44,7 +44,7 @@ fn a_policy_learns_to_reach_its_goal() {
 
 #[test]
 fn discriminators_learn_what_tells_tokens_apart() {
-    // Six tokens' policies differ from the start (embeddings are N(0, 1)); a small σ makes that visible in actions.
+    // The tokens' policies differ from the start (embeddings are N(0, 1)); a small σ makes that visible in actions.
     let overrides =
         ["R=8", "network.log_std_init=-4", "discriminator.noise=off", "discriminator.action_scale=10"];
     let mut trainer =
@@ -96,4 +96,19 @@ fn the_bootstrap_switch_changes_value_targets_alone_where_episodes_are_cut() {
     assert_eq!(without.task_reward, with.task_reward);
     assert!(without.episodes.timeout > 0);
     assert_ne!(without.value_loss, with.value_loss);
+}
+
+#[test]
+fn numbers_that_are_not_finite_stop_the_run_with_their_name() {
+    for (overrides, tensor) in [
+        (["learning_rate=1e38", "minibatch=64"], "policy loss"),
+        (["discriminator.learning_rate=1e38", "minibatch=64"], "discriminator.state"),
+    ] {
+        let error = trainer(&overrides).update().expect_err("parameters overflow").to_string();
+        assert!(error.starts_with("update 1: ") && error.contains(tensor), "{error}");
+        assert!(error.ends_with("is not finite"), "{error}");
+    }
+    let one_step = ["learning_rate=1e38", "minibatch=64", "epochs_policy=1", "epochs_value=1"];
+    let error = trainer(&one_step).update().expect_err("parameters overflow").to_string();
+    assert!(error.starts_with("update 1: actor."), "{error}");
 }

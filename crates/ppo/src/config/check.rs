@@ -11,6 +11,8 @@ use crate::PpoError;
 
 /// Most transitions of one update: row numbers are 32 bits, and this many default observations are 6 GiB.
 const ROLLOUT_MAX: usize = 1 << 20;
+/// Most values in the observations of one update: 8 GiB.
+const OBSERVATIONS_MAX: usize = 1 << 31;
 
 impl Config {
     /// Checks every value's range, and the ranges that depend on one another.
@@ -48,6 +50,11 @@ impl Config {
         not_negative("max_grad_norm", self.max_grad_norm)?;
         not_negative("alpha", self.alpha)?;
         self.sim.validate().map_err(in_sim)?;
+        let values = rollout.saturating_mul(self.sim.observation_len());
+        if values > OBSERVATIONS_MAX {
+            let expected = format!("at most {OBSERVATIONS_MAX} (transitions · length of an observation)");
+            return Err(refuse("horizon", format!("{values} values an update"), expected));
+        }
         self.network_config().validate().map_err(in_network)?;
         self.discriminator.validate().map_err(in_discriminator)
     }
@@ -58,7 +65,7 @@ pub(super) fn refuse(field: impl Into<String>, found: impl Display, expected: im
     PpoError::Config { location, field: field.into(), found: found.to_string(), expected: expected.into() }
 }
 
-fn within<T: PartialOrd + Display>(field: &str, value: T, low: T, high: T) -> Result<(), PpoError> {
+fn within<T: PartialOrd + Display + Copy>(field: &str, value: T, low: T, high: T) -> Result<(), PpoError> {
     if value >= low && value <= high {
         return Ok(());
     }

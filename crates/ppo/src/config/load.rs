@@ -7,6 +7,7 @@
 use std::ops::Range;
 use std::path::Path;
 
+use jostle_policy::excerpt;
 use serde::Deserialize;
 use toml::de::{DeTable, DeValue};
 use toml::{Table, Value};
@@ -16,6 +17,8 @@ use crate::PpoError;
 
 /// Largest configuration file that is read, in bytes.
 const TEXT_MAX: u64 = 1 << 20;
+/// Most parts of an override's dotted key. Tables are cloned and dropped by recursion, which a long key would exhaust.
+const DEPTH_MAX: usize = 8;
 
 /// The paper's letters for three keys.
 const ALIASES: [(&str, &str); 3] = [("N", "n_agents"), ("M", "n_behaviours"), ("R", "n_rooms")];
@@ -32,10 +35,11 @@ impl Config {
     /// for a key that is unknown, of the wrong type or out of range.
     pub fn load(path: &Path, overrides: &[impl AsRef<str>]) -> Result<Self, PpoError> {
         let io = |source| PpoError::Io { path: path.to_path_buf(), action: "read", source };
-        let length = std::fs::metadata(path).map_err(io)?.len();
-        let location = path.display().to_string();
-        if length > TEXT_MAX {
-            let message = format!("found {length} bytes, expected a configuration of at most {TEXT_MAX}");
+        let (about, location) = (std::fs::metadata(path).map_err(io)?, path.display().to_string());
+        // A device or a pipe has no length, and may have no end.
+        if !about.is_file() || about.len() > TEXT_MAX {
+            let found = if about.is_file() { format!("{} bytes", about.len()) } else { "no file".to_owned() };
+            let message = format!("found {found}, expected a configuration of at most {TEXT_MAX} bytes");
             return Err(PpoError::Syntax { location, message });
         }
         Self::parse(&std::fs::read_to_string(path).map_err(io)?, &location, overrides)
@@ -66,7 +70,7 @@ impl Config {
 
 /// Writes one override into the table; returns its path.
 fn apply(table: &mut Table, argument: &str) -> Result<Vec<String>, PpoError> {
-    let location = || format!("--set {argument}");
+    let location = || excerpt(&format!("--set {argument}"));
     let syntax = |message: &str| PpoError::Syntax { location: location(), message: message.to_owned() };
     let (key, value) = argument.split_once('=').ok_or_else(|| syntax("expected key=value"))?;
     let path: Vec<String> = key.trim().split('.').map(|part| part.trim().to_owned()).collect();
@@ -74,6 +78,12 @@ fn apply(table: &mut Table, argument: &str) -> Result<Vec<String>, PpoError> {
         return Err(syntax("expected a dotted key before the ="));
     }
     let value = parse_value(value.trim()).ok_or_else(|| syntax("expected a TOML value after the ="))?;
+    if path.len() > DEPTH_MAX {
+        return Err(PpoError::Syntax {
+            location: "--set".to_owned(),
+            message: format!("found a key of {} parts, expected at most {DEPTH_MAX}", path.len()),
+        });
+    }
     let path = if path.len() == 1 { vec![full_name(&path[0]).to_owned()] } else { path };
     let (last, sections) = path.split_last().expect("a split yields at least one part");
     let mut place = table;
@@ -125,7 +135,7 @@ impl Source<'_> {
                 let path = path_at(table.get_ref(), &span).unwrap_or_else(|| "configuration".to_owned());
                 translate(location, &path, error.message())
             }
-            Err(_) => PpoError::Syntax { location, message: one_line(error.message()) },
+            Err(_) => PpoError::Syntax { location, message: excerpt(&one_line(error.message())) },
         }
     }
 
@@ -179,18 +189,21 @@ fn span_of(table: &DeTable<'_>, path: &str) -> Option<Range<usize>> {
 
 /// Turns serde's sentence into field, found and expected.
 fn translate(location: String, path: &str, message: &str) -> PpoError {
+    let (location, path) = (excerpt(&location), excerpt(path));
     let config = |found: String, expected: String| PpoError::Config {
         location: location.clone(),
-        field: path.to_owned(),
-        found,
-        expected,
+        field: path.clone(),
+        found: excerpt(&found),
+        expected: excerpt(&expected),
     };
     if let Some((name, known)) = message.strip_prefix("unknown field `").and_then(|rest| rest.split_once('`'))
     {
         let names: Vec<&str> = known.split('`').skip(1).step_by(2).collect();
-        let nearest = names.iter().min_by_key(|known| edit_distance(name, known));
+        // A name of a megabyte is near to nothing.
+        let name = excerpt(name);
+        let nearest = names.iter().min_by_key(|known| edit_distance(&name, known));
         let expected = match nearest {
-            Some(nearest) if edit_distance(name, nearest) <= 3 => (*nearest).to_owned(),
+            Some(nearest) if edit_distance(&name, nearest) <= 3 => (*nearest).to_owned(),
             _ => format!("one of {}", names.join(", ")),
         };
         return config("an unknown key".to_owned(), expected);
@@ -202,7 +215,7 @@ fn translate(location: String, path: &str, message: &str) -> PpoError {
             return config(found.replace('`', ""), one_line(expected).replace('`', ""));
         }
     }
-    PpoError::Syntax { location, message: format!("{path}: {}", one_line(message)) }
+    PpoError::Syntax { location, message: excerpt(&format!("{path}: {}", one_line(message))) }
 }
 
 fn one_line(message: &str) -> String {

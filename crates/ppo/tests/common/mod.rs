@@ -2,7 +2,7 @@
 
 use jostle_ppo::{Config, Trainer};
 
-pub(crate) const TINY: &str = r#"
+pub(crate) const TINY: &str = r"
 N = 2
 M = 2
 R = 2
@@ -17,7 +17,7 @@ room = { width = 6.0, height = 6.0 }
 laser = { beams = 16 }
 spawn = { goal_distance = 2.0 }
 episode = { step_limit = 12 }
-"#;
+";
 
 pub(crate) fn tiny(overrides: &[&str]) -> Config {
     Config::parse(TINY, "tiny", overrides).expect("a valid configuration")

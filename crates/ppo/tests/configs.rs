@@ -1,0 +1,25 @@
+//! The configurations that ship.
+
+use std::path::Path;
+
+use jostle_ppo::Config;
+
+fn load(name: &str) -> Config {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs").join(name);
+    Config::load(&path, &[] as &[&str]).expect("a shipped configuration is valid")
+}
+
+#[test]
+fn every_shipped_configuration_is_valid() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs");
+    let names =
+        std::fs::read_dir(folder).expect("configs/").map(|entry| entry.expect("readable").file_name());
+    let names: Vec<_> = names.filter_map(|name| name.into_string().ok()).collect();
+    let training = names.iter().filter(|name| Path::new(name).extension().is_some_and(|e| e == "toml"));
+    assert!(training.map(|name| load(name)).count() >= 4);
+}
+
+#[test]
+fn the_file_that_spells_every_key_out_spells_the_defaults() {
+    assert_eq!(load("diversity_m5.toml"), Config::default());
+}
