@@ -36,5 +36,5 @@ pub use layout::Layout;
 pub use network::{Backend, Network};
 pub use parameters::Parameters;
 pub use provenance::Provenance;
-pub use tensor_file::TensorFile;
+pub use tensor_file::{TensorFile, excerpt};
 pub use tensor_write::{TensorOut, Values, write_tensors};

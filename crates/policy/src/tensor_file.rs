@@ -23,6 +23,8 @@ pub const HEADER_MAX: u64 = 1 << 20;
 pub const FILE_MAX: u64 = 4 << 30;
 /// The metadata key of the checksum ([`TensorFile::verify_checksum`]).
 pub const CHECKSUM_KEY: &str = "checksum";
+/// Characters of a file that an error repeats at most.
+const EXCERPT_MAX: usize = 200;
 
 /// A safetensors file in memory.
 #[derive(Debug)]
@@ -52,9 +54,8 @@ impl TensorFile {
         let io = |action| move |source| PolicyError::Io { file: path.to_owned(), action, source };
         let mut file = File::open(path).map_err(io("open"))?;
         let about = file.metadata().map_err(io("read"))?;
-        let refuse = |field: &str, found: String, expected: String| {
-            Err(PolicyError::File { file: path.to_owned(), field: field.to_owned(), found, expected })
-        };
+        let refuse =
+            |field: &str, found: String, expected: String| Err(refusal(path, field, &found, expected));
         if !about.is_file() {
             return refuse("file", "something else".to_owned(), "a regular file".to_owned());
         }
@@ -74,11 +75,8 @@ impl TensorFile {
     }
 
     fn parse(path: &Path, bytes: Vec<u8>) -> Result<Self, PolicyError> {
-        let (header_len, header) = SafeTensors::read_metadata(&bytes).map_err(|error| PolicyError::File {
-            file: path.to_owned(),
-            field: "header".to_owned(),
-            found: error.to_string(),
-            expected: "a whole safetensors file".to_owned(),
+        let (header_len, header) = SafeTensors::read_metadata(&bytes).map_err(|error| {
+            refusal(path, "header", &error.to_string(), "a whole safetensors file".to_owned())
         })?;
         let start = 8 + header_len;
         let info = |info: &safetensors::tensor::TensorInfo| Info {
@@ -221,12 +219,28 @@ impl TensorFile {
     }
 
     /// An error about a field of this file.
+    ///
+    /// What the file holds is shortened ([`excerpt`]): a hostile name or value does not fill a terminal.
     pub fn refuse(&self, field: &str, found: String, expected: String) -> PolicyError {
-        PolicyError::File { file: self.path.clone(), field: field.to_owned(), found, expected }
+        refusal(&self.path, field, &found, expected)
     }
 
     fn info(&self, name: &str) -> Result<&Info, PolicyError> {
         let missing = || self.refuse(name, "nothing".to_owned(), "a tensor".to_owned());
         self.tensors.get(name).ok_or_else(missing)
     }
+}
+
+fn refusal(path: &Path, field: &str, found: &str, expected: String) -> PolicyError {
+    PolicyError::File { file: path.to_owned(), field: excerpt(field), found: excerpt(found), expected }
+}
+
+/// Text that a file holds, fit for an error message: one line without control characters, at most 200 characters.
+pub fn excerpt(text: &str) -> String {
+    let clean = |c: char| if c.is_control() { ' ' } else { c };
+    let mut line: String = text.chars().take(EXCERPT_MAX).map(clean).collect();
+    if text.chars().nth(EXCERPT_MAX).is_some() {
+        line.push('…');
+    }
+    line
 }

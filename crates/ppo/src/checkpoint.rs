@@ -17,9 +17,7 @@ use std::path::{Path, PathBuf};
 
 use jostle_diversity::DiscriminatorShape;
 use jostle_policy::file::{CHECKPOINT_FORMAT, network_json};
-use jostle_policy::{
-    Layout, PolicyError, Provenance, TensorFile, TensorOut, Values, excerpt, write_tensors,
-};
+use jostle_policy::{Layout, PolicyError, Provenance, TensorFile, TensorOut, Values, excerpt, write_tensors};
 use jostle_sim::RoomsState;
 
 use crate::adam::Adam;
@@ -236,7 +234,7 @@ fn check_count(file: &TensorFile, field: &str, found: u64) -> Result<(), PpoErro
 /// A learner in canonical order.
 struct SavedLearner {
     name: &'static str,
-    layout: jostle_policy::Layout,
+    layout: Layout,
     parameters: Vec<f32>,
     moments: [Vec<f32>; 2],
 }
