@@ -1,0 +1,63 @@
+//! One policy in one crowd, with progress on standard error and records that are used again.
+
+use std::path::Path;
+use std::time::Instant;
+
+use anyhow::Result;
+use jostle_eval::loaded::LoadedPolicy;
+use jostle_eval::protocol::{CellRun, Protocol, Subject};
+use jostle_eval::report::CellTiming;
+use jostle_eval::robot::TrainedRobot;
+use jostle_eval::room::RoomPlan;
+use jostle_peds::CrowdKind;
+
+use crate::output::note;
+use crate::progress::Progress;
+
+/// A cell of a table.
+pub(crate) struct Cell<'a> {
+    pub(crate) protocol: &'a Protocol,
+    pub(crate) policy: &'a LoadedPolicy,
+    pub(crate) token: u32,
+    pub(crate) crowd: CrowdKind,
+}
+
+impl Cell<'_> {
+    /// Refuses what would stop the cell, before anything is written.
+    pub(crate) fn check(&self) -> Result<()> {
+        self.robot()?;
+        self.protocol.crowd(&RoomPlan::new(self.protocol.config(), self.crowd)?)?;
+        Ok(())
+    }
+
+    /// Runs the episodes that the folder's records do not hold yet. The timing is `None` where none was run.
+    pub(crate) fn run(&self, episodes: u64, records: &Path) -> Result<(CellRun, Option<CellTiming>)> {
+        let mut robot = self.robot()?;
+        let subject = Subject { identity: &self.policy.identity, token: self.token };
+        let file = records.join(self.protocol.key(subject, self.crowd).file_name());
+        let label = format!("{}, z = {}, {}", self.policy.identity.name, self.token, self.crowd);
+        let started = Instant::now();
+        let mut progress = None;
+        let run = self.protocol.evaluate(&mut robot, subject, self.crowd, episodes, Some(&file), |done| {
+            progress.get_or_insert_with(|| Progress::new(&label, episodes, done)).set(done, "");
+        })?;
+        if run.repaired.is_some() {
+            note(&format!("{label}: repaired the torn last line of {}", file.display()));
+        }
+        if run.reused == episodes {
+            return Ok((run, None));
+        }
+        if let Some(progress) = progress {
+            let rate = run.result.summary.success_rate.unwrap_or(0.0);
+            progress.finish(&format!("success {rate:.2}"));
+        }
+        let seconds = started.elapsed().as_secs_f64();
+        let timing =
+            CellTiming { cell: run.result.cell.clone(), label, episodes: episodes - run.reused, seconds };
+        Ok((run, Some(timing)))
+    }
+
+    fn robot(&self) -> Result<TrainedRobot> {
+        Ok(TrainedRobot::new(self.policy, self.token, self.protocol.config().backend)?)
+    }
+}

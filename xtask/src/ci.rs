@@ -1,0 +1,98 @@
+//! `cargo xtask ci`: what has to hold before a change is good.
+//!
+//! All steps that build use the release profile, so that a cold machine builds the dependencies once for checking and
+//! once for running. Every tool's own output stays visible; each step ends with one line of ours, with its time.
+
+use std::process::{Command, ExitCode};
+use std::time::Instant;
+
+use anyhow::{Context as _, Result};
+use clap::Args;
+
+use crate::output;
+use crate::progress::clock;
+use crate::provenance::workspace;
+
+/// Arguments of `ci`.
+#[derive(Args)]
+#[command(after_help = "Example:\n  cargo xtask ci")]
+pub(crate) struct CiArgs {
+    /// Go on after a failed step and name all of them at the end.
+    #[arg(long)]
+    keep_going: bool,
+}
+
+struct Step {
+    name: &'static str,
+    arguments: &'static [&'static str],
+    environment: &'static [(&'static str, &'static str)],
+}
+
+const STEPS: [Step; 5] = [
+    Step { name: "fmt", arguments: &["fmt", "--all", "--check"], environment: &[] },
+    Step {
+        name: "clippy",
+        arguments: &[
+            "clippy",
+            "--release",
+            "--workspace",
+            "--all-targets",
+            "--quiet",
+            "--",
+            "-D",
+            "warnings",
+        ],
+        environment: &[],
+    },
+    Step {
+        name: "docs",
+        arguments: &["doc", "--release", "--workspace", "--no-deps", "--quiet"],
+        environment: &[("RUSTDOCFLAGS", "-D warnings")],
+    },
+    Step {
+        name: "tests",
+        // Benches are left out: clippy compiles them, and running them as tests would time nothing.
+        arguments: &["test", "--release", "--workspace", "--lib", "--bins", "--tests", "--examples"],
+        environment: &[],
+    },
+    Step { name: "doctests", arguments: &["test", "--release", "--workspace", "--doc"], environment: &[] },
+];
+
+/// Runs all steps in order; stops at the first that fails unless told to go on.
+pub(crate) fn run(args: &CiArgs) -> Result<ExitCode> {
+    let mut lines = Vec::new();
+    let mut failed = Vec::new();
+    for step in &STEPS {
+        output::note(&format!("ci: {} …", step.name));
+        let started = Instant::now();
+        let passed = run_step(step)?;
+        let verdict = if passed { "ok" } else { "FAIL" };
+        let line =
+            format!("ci: {:<9} {:<4} {}\n", step.name, verdict, clock(started.elapsed().as_secs_f64()));
+        output::result(&line)?;
+        lines.push(line);
+        if !passed {
+            failed.push(step.name);
+            if !args.keep_going {
+                break;
+            }
+        }
+    }
+    if failed.is_empty() {
+        output::result(&format!("\n{}ci: passed\n", lines.concat()))?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    output::result(&format!("\n{}ci: failed: {}\n", lines.concat(), failed.join(", ")))?;
+    Ok(ExitCode::FAILURE)
+}
+
+fn run_step(step: &Step) -> Result<bool> {
+    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    let status = Command::new(cargo)
+        .args(step.arguments)
+        .envs(step.environment.iter().copied())
+        .current_dir(workspace())
+        .status()
+        .with_context(|| format!("cannot start cargo for step {}", step.name))?;
+    Ok(status.success())
+}

@@ -1,0 +1,77 @@
+//! The command line: parsed, then handed to the command.
+
+use std::process::ExitCode;
+
+use anyhow::Result;
+use clap::{Parser, Subcommand};
+
+use crate::{chaos, ci, conformance, evaluate, fuzz, output, reproduce, train};
+
+/// Exit status of a command line that cannot be read.
+const USAGE: u8 = 2;
+
+#[derive(Parser)]
+#[command(
+    name = "cargo xtask",
+    about = "Robots with 2D lasers learn among people: train, evaluate, reproduce the paper's tables, check.",
+    version,
+    after_help = "Example:\n  cargo xtask reproduce table1 --preset small"
+)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+/// One command with its arguments.
+#[derive(Subcommand)]
+pub(crate) enum Command {
+    /// Train a policy with Algorithm 1 into a run folder.
+    Train(train::TrainArgs),
+    /// Test a checkpoint among crowds that it never met.
+    Evaluate(evaluate::EvaluateArgs),
+    /// Train what a table of the paper needs, test it, and print the table beside the paper's figures.
+    Reproduce(reproduce::ReproduceArgs),
+    /// Run our code on fixtures made by independent software.
+    Conformance(conformance::ConformanceArgs),
+    /// Kill training and evaluation at random moments, resume, and compare with an uninterrupted run.
+    Chaos(chaos::ChaosArgs),
+    /// Hand damaged files to every parser and look for panics, aborts and endless loops.
+    Fuzz(fuzz::FuzzArgs),
+    /// Check everything: format, lints, documentation, tests, doctests.
+    Ci(ci::CiArgs),
+}
+
+impl Command {
+    /// Does the work.
+    pub(crate) fn run(self) -> Result<ExitCode> {
+        match self {
+            Self::Train(args) => train::run(&args),
+            Self::Evaluate(args) => evaluate::run(&args),
+            Self::Reproduce(args) => reproduce::run(&args),
+            Self::Conformance(args) => conformance::run(&args),
+            Self::Chaos(args) => chaos::run(&args),
+            Self::Fuzz(args) => fuzz::run(&args),
+            Self::Ci(args) => ci::run(&args),
+        }
+    }
+}
+
+/// Reads the command line; `Err` carries the exit status where there is nothing to run (help, version, a mistake).
+pub(crate) fn parse() -> std::result::Result<Command, ExitCode> {
+    Cli::try_parse().map(|cli| cli.command).map_err(|error| {
+        if error.use_stderr() {
+            output::note(&first_paragraph(&error.to_string()));
+            ExitCode::from(USAGE)
+        } else {
+            // Help that cannot be printed has no other channel.
+            let _ = error.print();
+            ExitCode::SUCCESS
+        }
+    })
+}
+
+/// clap explains a mistake in several paragraphs; the first one names it.
+fn first_paragraph(message: &str) -> String {
+    let paragraph = message.split("\n\n").next().unwrap_or(message);
+    format!("{} (see --help)", output::flatten(paragraph))
+}

@@ -1,0 +1,120 @@
+//! `cargo xtask evaluate`: a checkpoint among crowds that it never met.
+
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::{Context as _, Result, bail};
+use clap::Args;
+use jostle_eval::config::EvalConfig;
+use jostle_eval::crowds::Pools;
+use jostle_eval::loaded::LoadedPolicy;
+use jostle_eval::protocol::Protocol;
+use jostle_eval::report::{CellTiming, Evaluation, timings_csv};
+use jostle_peds::CrowdKind;
+
+use crate::cells::Cell;
+use crate::run_folder::write_atomically;
+use crate::{output, policies, threads};
+
+/// Arguments of `evaluate`.
+#[derive(Args)]
+#[command(after_help = "Examples:\n  cargo xtask evaluate runs/ours --crowds VO,SF --episodes 100\n  \
+    cargo xtask evaluate runs/ours --crowds NH,IN,VA,SO --pool runs/pool --out results/ours\n  \
+    cargo xtask evaluate runs/ours/checkpoints/002500.safetensors --crowds SF --token 3")]
+pub(crate) struct EvaluateArgs {
+    /// Checkpoint file, or a run folder for its newest checkpoint.
+    checkpoint: PathBuf,
+    /// Crowds, separated by commas: NH, IN, VA, SO (these need --pool), VO, SF.
+    #[arg(long, value_delimiter = ',', value_name = "CROWDS", default_value = "NH,IN,VA,SO,VO,SF")]
+    crowds: Vec<String>,
+    /// Episodes per crowd; episode k is the same for every policy.
+    #[arg(long, value_name = "N", default_value_t = 1000)]
+    episodes: u64,
+    /// Policies that drive learned pedestrians: files, run folders, or a folder of either; may be repeated.
+    #[arg(long, value_name = "PATH", num_args = 1..)]
+    pool: Vec<PathBuf>,
+    /// The same at half their training, for crowd SO (default: from the runs of --pool).
+    #[arg(long, value_name = "PATH", num_args = 1..)]
+    pool_half: Vec<PathBuf>,
+    /// Behaviour token of the robot.
+    #[arg(long, value_name = "Z", default_value_t = 0)]
+    token: u32,
+    /// Agents in a room, the robot among them (default: as in training).
+    #[arg(long, value_name = "N")]
+    agents: Option<usize>,
+    /// Seed of starts, goals and noise.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Folder for records and reports; records that are there already are used again.
+    #[arg(long, value_name = "DIR", default_value = "runs/evaluation")]
+    out: PathBuf,
+    /// Worker threads (default: all cores). The result does not depend on it.
+    #[arg(long, value_name = "N")]
+    threads: Option<NonZeroUsize>,
+}
+
+/// Tests as the arguments say.
+pub(crate) fn run(args: &EvaluateArgs) -> Result<ExitCode> {
+    if args.episodes == 0 {
+        bail!("--episodes: found 0, expected at least 1");
+    }
+    let crowds = args.crowds.iter().map(|name| name.parse()).collect::<Result<Vec<CrowdKind>, _>>()?;
+    threads::set(args.threads)?;
+    let policy = policies::load(&policies::checkpoint(&args.checkpoint)?)?;
+    let config = EvalConfig {
+        sim: policy.sim_config()?,
+        n_agents: args.agents.unwrap_or(policy.file.provenance.n_agents as usize),
+        seed: args.seed,
+        ..EvalConfig::default()
+    };
+    let protocol = Protocol::new(config, pools(args, &crowds)?)?;
+    let cell = |crowd| Cell { protocol: &protocol, policy: &policy, token: args.token, crowd };
+    for &crowd in &crowds {
+        cell(crowd).check()?;
+    }
+    let records = args.out.join("records");
+    std::fs::create_dir_all(&records).with_context(|| format!("cannot create {}", records.display()))?;
+    let mut timings = Vec::new();
+    let mut cells = Vec::new();
+    for &crowd in &crowds {
+        let (run, timing) = cell(crowd).run(args.episodes, &records)?;
+        timings.extend(timing);
+        cells.push(run.result);
+    }
+    let n_agents = protocol.config().n_agents;
+    let evaluation = Evaluation { policy: policy.identity.clone(), token: args.token, n_agents, cells };
+    store(args, &evaluation, &timings)?;
+    output::result(&evaluation.text())?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The pedestrians' policies, as far as the crowds ask for them.
+fn pools(args: &EvaluateArgs, crowds: &[CrowdKind]) -> Result<Pools> {
+    let load = |paths: Vec<PathBuf>| {
+        paths.iter().map(|path| policies::load(path)).collect::<Result<Vec<LoadedPolicy>>>()
+    };
+    let full = policies::pool(&args.pool)?;
+    let half = if !args.pool_half.is_empty() {
+        policies::pool(&args.pool_half)?
+    } else if crowds.contains(&CrowdKind::So) {
+        policies::half_trained(&full)?
+    } else {
+        Vec::new()
+    };
+    Ok(Pools { full: load(full)?, half: load(half)? })
+}
+
+/// Writes the evaluation beside its records.
+fn store(args: &EvaluateArgs, evaluation: &Evaluation, timings: &[CellTiming]) -> Result<()> {
+    let name = format!("{}-z{}", evaluation.policy.name, evaluation.token);
+    let path = |extension: &str| args.out.join(format!("{name}.{extension}"));
+    write_atomically(&path("md"), &evaluation.markdown())?;
+    write_atomically(&path("csv"), &evaluation.csv())?;
+    write_atomically(&path("json"), &evaluation.json())?;
+    if !timings.is_empty() {
+        write_atomically(&path("seconds.csv"), &timings_csv(timings))?;
+    }
+    output::note(&format!("records and reports: {}", args.out.display()));
+    Ok(())
+}

@@ -1,0 +1,23 @@
+//! Which source a result was made by.
+
+use std::path::Path;
+use std::process::Command;
+
+/// The commit of the work tree, with `-dirty` when tracked files differ from it; `unknown` outside a checkout.
+pub(crate) fn commit() -> String {
+    let Some(hash) = git(&["rev-parse", "--short=10", "HEAD"]) else { return "unknown".to_owned() };
+    let clean =
+        git(&["status", "--porcelain", "--untracked-files=no"]).is_some_and(|changes| changes.is_empty());
+    if clean { hash } else { format!("{hash}-dirty") }
+}
+
+/// The folder of the workspace's root manifest.
+pub(crate) fn workspace() -> &'static Path {
+    let xtask = Path::new(env!("CARGO_MANIFEST_DIR"));
+    xtask.parent().unwrap_or(xtask)
+}
+
+fn git(arguments: &[&str]) -> Option<String> {
+    let output = Command::new("git").arg("-C").arg(workspace()).args(arguments).output().ok()?;
+    output.status.success().then(|| String::from_utf8_lossy(&output.stdout).trim().to_owned())
+}

@@ -1,0 +1,104 @@
+//! Table 1: trains its rows and its pedestrians, tests each row among the six crowds, prints.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, Result};
+use jostle_eval::config::EvalConfig;
+use jostle_eval::crowds::Pools;
+use jostle_eval::loaded::LoadedPolicy;
+use jostle_eval::paper::{BehavioursRow, TABLE_1};
+use jostle_eval::protocol::Protocol;
+use jostle_eval::records::EpisodeRecord;
+use jostle_eval::report::{CellTiming, Comparison, SuccessRow, SuccessTable, timings_csv};
+use jostle_peds::CrowdKind;
+
+use super::plan::{Preset, Run, pool_runs, row_run, row_runs};
+use crate::cells::Cell;
+use crate::run_folder::{checkpoint_path, write_atomically};
+use crate::train::train;
+use crate::{output, policies};
+
+/// The robot's behaviour token in every row.
+const TOKEN: u32 = 0;
+
+/// Does what is missing under `out` and prints the table.
+pub(crate) fn run(preset: Preset, out: &Path, threads: usize) -> Result<()> {
+    for run in [pool_runs(preset), row_runs(preset)].concat() {
+        let mut config = run.config.clone();
+        config.threads = threads;
+        train(&config, &out.join(&run.folder), true, &run.folder)?;
+    }
+    let pools = pools(preset, out)?;
+    let records = out.join("records");
+    std::fs::create_dir_all(&records).with_context(|| format!("cannot create {}", records.display()))?;
+
+    let mut table = SuccessTable::table_1();
+    let mut timings = Vec::new();
+    let mut baseline: Option<Vec<Vec<EpisodeRecord>>> = None;
+    for (row, of_paper) in table.rows.iter_mut().zip(&TABLE_1) {
+        let cells = fill(row, of_paper, preset, out, &pools, &records, &mut timings)?;
+        match &baseline {
+            None => baseline = Some(cells),
+            Some(baseline) => {
+                for ((cell, first), second) in row.cells.iter_mut().zip(baseline).zip(&cells) {
+                    cell.versus_baseline = Comparison::of(first, second);
+                }
+            }
+        }
+    }
+    store(out, &table, &timings)?;
+    output::result(&table.text())
+}
+
+/// Tests the policy of one row; gives the records of its cells.
+fn fill(
+    row: &mut SuccessRow,
+    of_paper: &BehavioursRow,
+    preset: Preset,
+    out: &Path,
+    pools: &Pools,
+    records: &Path,
+    timings: &mut Vec<CellTiming>,
+) -> Result<Vec<Vec<EpisodeRecord>>> {
+    let run = row_run(preset, of_paper.n_behaviours);
+    let policy = policies::load(&trained(out, &run, preset.updates(of_paper.updates.into())))?;
+    let config = EvalConfig { sim: policy.sim_config()?, n_agents: row.n_agents, ..EvalConfig::default() };
+    let protocol = Protocol::new(config, pools.clone())?;
+    let mut all = Vec::new();
+    for crowd in CrowdKind::ALL {
+        let cell = Cell { protocol: &protocol, policy: &policy, token: TOKEN, crowd };
+        let (run, timing) = cell.run(preset.episodes(), records)?;
+        timings.extend(timing);
+        row.cells.push(run.result);
+        all.push(run.records);
+    }
+    row.policy = Some(policy.identity.clone());
+    row.token = TOKEN;
+    row.note = preset.note(of_paper);
+    Ok(all)
+}
+
+/// The pedestrians' policies, whole and half trained.
+fn pools(preset: Preset, out: &Path) -> Result<Pools> {
+    let load = |half: bool| -> Result<Vec<LoadedPolicy>> {
+        let checkpoint =
+            |run: &Run| trained(out, run, if half { run.config.updates / 2 } else { run.config.updates });
+        pool_runs(preset).iter().map(|run| policies::load(&checkpoint(run))).collect()
+    };
+    Ok(Pools { full: load(false)?, half: load(true)? })
+}
+
+fn trained(out: &Path, run: &Run, update: u64) -> PathBuf {
+    checkpoint_path(&out.join(&run.folder), update)
+}
+
+fn store(out: &Path, table: &SuccessTable, timings: &[CellTiming]) -> Result<()> {
+    write_atomically(&out.join("table1.md"), &table.markdown())?;
+    write_atomically(&out.join("table1.csv"), &table.csv())?;
+    write_atomically(&out.join("table1.json"), &table.json())?;
+    if !timings.is_empty() {
+        write_atomically(&out.join("table1.seconds.csv"), &timings_csv(timings))?;
+    }
+    output::note(&format!("reports and records: {}", out.display()));
+    Ok(())
+}

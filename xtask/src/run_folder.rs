@@ -1,0 +1,244 @@
+//! The folder of one training run, and the rules that keep two runs from mixing.
+//!
+//! ```text
+//! DIR/config.toml                  the resolved configuration
+//! DIR/log.ndjson                   one update report a line
+//! DIR/checkpoints/000500.safetensors
+//! DIR/latest                       the file name of the newest complete checkpoint
+//! DIR/lock                         held while a process works here
+//! ```
+//!
+//! The lock is the operating system's advisory file lock: it dies with its process, also by `kill -9`.
+
+use std::fs::{self, File, OpenOptions, TryLockError};
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, Result, bail};
+
+const CONFIG: &str = "config.toml";
+const LATEST: &str = "latest";
+const LOCK: &str = "lock";
+const CHECKPOINTS: &str = "checkpoints";
+
+/// A locked run folder.
+pub(crate) struct RunFolder {
+    path: PathBuf,
+    _lock: File,
+}
+
+impl RunFolder {
+    /// Locks the folder at `path`, which is created if it is not there.
+    ///
+    /// # Errors
+    /// When the folder cannot be written, another process works in it, or it holds files but no run.
+    pub(crate) fn open(path: &Path) -> Result<Self> {
+        let shown = path.display();
+        fs::create_dir_all(path).with_context(|| format!("cannot create the run folder {shown}"))?;
+        if !path.join(CONFIG).exists() && holds_foreign_files(path)? {
+            bail!("{shown} holds files but no run; choose an empty or a new folder");
+        }
+        let lock = OpenOptions::new()
+            .create(true)
+            .truncate(false)
+            .write(true)
+            .open(path.join(LOCK))
+            .with_context(|| format!("cannot write in the run folder {shown}"))?;
+        match lock.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => bail!("another process is working in {shown}"),
+            Err(TryLockError::Error(error)) => {
+                return Err(error).with_context(|| format!("cannot lock the run folder {shown}"));
+            }
+        }
+        remove_leftovers(path)?;
+        Ok(Self { path: path.to_owned(), _lock: lock })
+    }
+
+    /// The text of the stored configuration, if the folder holds a run.
+    pub(crate) fn stored_config(&self) -> Result<Option<String>> {
+        read_optional(&self.path.join(CONFIG))
+    }
+
+    /// Stores the resolved configuration.
+    pub(crate) fn store_config(&self, text: &str) -> Result<()> {
+        fs::create_dir_all(self.path.join(CHECKPOINTS))
+            .with_context(|| format!("cannot create {}", self.path.join(CHECKPOINTS).display()))?;
+        write_atomically(&self.path.join(CONFIG), text)
+    }
+
+    /// Where the log is.
+    pub(crate) fn log(&self) -> PathBuf {
+        self.path.join("log.ndjson")
+    }
+
+    /// Where the checkpoint after `update` updates belongs.
+    pub(crate) fn checkpoint(&self, update: u64) -> PathBuf {
+        checkpoint_path(&self.path, update)
+    }
+
+    /// Names the checkpoint after `update` updates as the newest complete one.
+    pub(crate) fn set_latest(&self, update: u64) -> Result<()> {
+        write_atomically(&self.path.join(LATEST), &format!("{}\n", checkpoint_name(update)))
+    }
+
+    /// All checkpoint files, newest first. A file may still be damaged; its reader says so.
+    pub(crate) fn checkpoints(&self) -> Result<Vec<(u64, PathBuf)>> {
+        list_checkpoints(&self.path)
+    }
+}
+
+/// Where the checkpoint after `update` updates of the run in `folder` belongs.
+pub(crate) fn checkpoint_path(folder: &Path, update: u64) -> PathBuf {
+    folder.join(CHECKPOINTS).join(checkpoint_name(update))
+}
+
+/// The newest complete checkpoint of the run in `folder`, by its `latest` file.
+pub(crate) fn latest_checkpoint(folder: &Path) -> Result<PathBuf> {
+    let Some(name) = read_optional(&folder.join(LATEST))? else {
+        bail!("{} holds no finished checkpoint (no file `{LATEST}`)", folder.display());
+    };
+    Ok(folder.join(CHECKPOINTS).join(name.trim()))
+}
+
+/// True where `folder` looks like a training run's.
+pub(crate) fn is_run_folder(folder: &Path) -> bool {
+    folder.join(CONFIG).is_file() && folder.join(CHECKPOINTS).is_dir()
+}
+
+/// Replaces a small file so that a reader sees the old text or the new one, never a part.
+pub(crate) fn write_atomically(path: &Path, text: &str) -> Result<()> {
+    let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    let temporary = path.with_file_name(temporary_name(&name));
+    let write = || -> std::io::Result<()> {
+        let mut file = File::create(&temporary)?;
+        file.write_all(text.as_bytes())?;
+        file.sync_all()?;
+        fs::rename(&temporary, path)?;
+        // The rename itself is durable once the folder is.
+        path.parent().map_or(Ok(()), |folder| File::open(folder)?.sync_all())
+    };
+    write().with_context(|| format!("cannot write {}", path.display())).inspect_err(|_| {
+        // The first error is the one to report; there may be no temporary file at all.
+        let _ = fs::remove_file(&temporary);
+    })
+}
+
+/// The text of a file, or `None` where there is none.
+pub(crate) fn read_optional(path: &Path) -> Result<Option<String>> {
+    match fs::read_to_string(path) {
+        Ok(text) => Ok(Some(text)),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(error).with_context(|| format!("cannot read {}", path.display())),
+    }
+}
+
+fn checkpoint_name(update: u64) -> String {
+    format!("{update:06}.safetensors")
+}
+
+fn list_checkpoints(folder: &Path) -> Result<Vec<(u64, PathBuf)>> {
+    let folder = folder.join(CHECKPOINTS);
+    if !folder.is_dir() {
+        return Ok(Vec::new());
+    }
+    let mut found = Vec::new();
+    for entry in fs::read_dir(&folder).with_context(|| format!("cannot list {}", folder.display()))? {
+        let path = entry?.path();
+        let update = path.file_stem().and_then(|stem| stem.to_str()).and_then(|stem| stem.parse().ok());
+        if let (Some(update), Some("safetensors")) = (update, path.extension().and_then(|e| e.to_str())) {
+            found.push((update, path));
+        }
+    }
+    found.sort();
+    found.reverse();
+    Ok(found)
+}
+
+/// True where the folder holds anything but what a start that was killed early leaves behind: a lock, an empty folder for
+/// checkpoints, half a configuration.
+fn holds_foreign_files(path: &Path) -> Result<bool> {
+    let early = [LOCK.to_owned(), CHECKPOINTS.to_owned(), temporary_name(CONFIG)];
+    for entry in fs::read_dir(path).with_context(|| format!("cannot list {}", path.display()))? {
+        let entry = entry?;
+        let full_folder = || fs::read_dir(entry.path()).is_ok_and(|mut inside| inside.next().is_some());
+        if !early.iter().any(|name| entry.file_name() == name.as_str()) || full_folder() {
+            return Ok(true);
+        }
+    }
+    Ok(false)
+}
+
+/// The name under which [`write_atomically`] prepares a file.
+fn temporary_name(name: &str) -> String {
+    format!("{name}.tmp")
+}
+
+/// Removes what processes that were killed left behind: they cannot be at work, as the folder is locked.
+fn remove_leftovers(path: &Path) -> Result<()> {
+    let mut leftovers = vec![path.join(temporary_name(CONFIG)), path.join(temporary_name(LATEST))];
+    let checkpoints = path.join(CHECKPOINTS);
+    if checkpoints.is_dir() {
+        let cannot_list = || format!("cannot list {}", checkpoints.display());
+        for entry in fs::read_dir(&checkpoints).with_context(cannot_list)? {
+            leftovers.push(entry.with_context(cannot_list)?.path());
+        }
+        leftovers.retain(|file| file.extension().is_some_and(|e| e == "tmp" || e == "partial"));
+    }
+    for file in leftovers.iter().filter(|file| file.exists()) {
+        fs::remove_file(file).with_context(|| format!("cannot remove {}", file.display()))?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::RunFolder;
+
+    #[test]
+    fn a_second_process_is_kept_out_until_the_first_is_gone() {
+        let folder = tempfile::tempdir().unwrap();
+        let first = RunFolder::open(folder.path()).unwrap();
+        let message = RunFolder::open(folder.path()).err().unwrap().to_string();
+        assert!(message.contains("another process"), "{message}");
+        drop(first);
+        RunFolder::open(folder.path()).unwrap();
+    }
+
+    #[test]
+    fn a_folder_of_other_files_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("thesis.tex"), "x").unwrap();
+        let message = RunFolder::open(folder.path()).err().unwrap().to_string();
+        assert!(message.contains("no run"), "{message}");
+        assert!(!folder.path().join("lock").exists());
+    }
+
+    #[test]
+    fn what_a_kill_left_behind_is_removed_and_no_foreign_file() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir(folder.path().join("checkpoints")).unwrap();
+        std::fs::write(folder.path().join("config.toml.tmp"), "seed").unwrap();
+        let run = RunFolder::open(folder.path()).unwrap();
+        assert!(!folder.path().join("config.toml.tmp").exists());
+        run.store_config("seed = 1\n").unwrap();
+        drop(run);
+        let partial = folder.path().join("checkpoints/.000002.safetensors.7.partial");
+        std::fs::write(&partial, "x").unwrap();
+        RunFolder::open(folder.path()).unwrap();
+        assert!(!partial.exists());
+    }
+
+    #[test]
+    fn checkpoints_come_newest_first() {
+        let folder = tempfile::tempdir().unwrap();
+        let run = RunFolder::open(folder.path()).unwrap();
+        run.store_config("seed = 1\n").unwrap();
+        for update in [5, 1_000_000, 50] {
+            std::fs::write(run.checkpoint(update), "").unwrap();
+        }
+        std::fs::write(run.checkpoint(60).with_extension("tmp"), "").unwrap();
+        let updates: Vec<u64> = run.checkpoints().unwrap().into_iter().map(|(update, _)| update).collect();
+        assert_eq!(updates, [1_000_000, 50, 5]);
+    }
+}
