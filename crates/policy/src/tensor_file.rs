@@ -221,8 +221,8 @@ impl TensorFile {
     /// An error about a field of this file.
     ///
     /// What the file holds is shortened ([`excerpt`]): a hostile name or value does not fill a terminal.
-    pub fn refuse(&self, field: &str, found: String, expected: String) -> PolicyError {
-        refusal(&self.path, field, &found, expected)
+    pub fn refuse(&self, field: &str, found: impl Into<String>, expected: String) -> PolicyError {
+        refusal(&self.path, field, &found.into(), expected)
     }
 
     fn info(&self, name: &str) -> Result<&Info, PolicyError> {
