@@ -5,7 +5,10 @@ use std::process::ExitCode;
 use anyhow::Result;
 use clap::{Parser, Subcommand};
 
-use crate::{chaos, ci, conformance, evaluate, fuzz, output, reproduce, train};
+use crate::{
+    chaos, ci, compare, config_explain, conformance, demo, doctor, evaluate, fuzz, output, plot, replay,
+    reproduce, runs, tensorboard, train,
+};
 
 /// Exit status of a command line that cannot be read.
 const USAGE: u8 = 2;
@@ -37,6 +40,22 @@ pub(crate) enum Command {
     Chaos(chaos::ChaosArgs),
     /// Hand damaged files to every parser and look for panics, aborts and endless loops.
     Fuzz(fuzz::FuzzArgs),
+    /// Show a policy among a crowd, on a page, within a minute.
+    Demo(demo::DemoArgs),
+    /// Write episodes of a policy as one page that a browser plays.
+    Replay(replay::ReplayArgs),
+    /// List training runs with state and success.
+    Runs(runs::RunsArgs),
+    /// Print what two runs have in different.
+    Compare(compare::CompareArgs),
+    /// Draw learning curves of runs, or the bars of a table.
+    Plot(plot::PlotArgs),
+    /// Name what is missing or odd here, and what to do.
+    Doctor(doctor::DoctorArgs),
+    /// Explain the keys of a configuration.
+    Config(config_explain::ConfigArgs),
+    /// Write the logs of runs as event files for TensorBoard.
+    Tensorboard(tensorboard::TensorboardArgs),
     /// Check everything: format, lints, documentation, tests, doctests.
     Ci(ci::CiArgs),
 }
@@ -51,6 +70,14 @@ impl Command {
             Self::Conformance(args) => conformance::run(&args),
             Self::Chaos(args) => chaos::run(&args),
             Self::Fuzz(args) => fuzz::run(&args),
+            Self::Demo(args) => demo::run(&args),
+            Self::Replay(args) => replay::run(&args),
+            Self::Runs(args) => runs::run(&args),
+            Self::Compare(args) => compare::run(&args),
+            Self::Plot(args) => plot::run(&args),
+            Self::Doctor(args) => doctor::run(&args),
+            Self::Config(args) => config_explain::run(&args),
+            Self::Tensorboard(args) => tensorboard::run(&args),
             Self::Ci(args) => ci::run(&args),
         }
     }

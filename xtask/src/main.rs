@@ -4,6 +4,9 @@
 //!
 //! Reading order: [`cli`] (what can be asked for), [`train`] and [`run_folder`] (a run and its folder), [`evaluate`],
 //! [`reproduce`] (the paper's tables), [`conformance`] (our code against recorded results of other software), [`ci`].
+//!
+//! What a person looks at: [`demo`] and [`replay`] (episodes on a page), [`plot`] (curves and bars), [`runs`], [`compare`],
+//! [`tensorboard`] (logs of training), [`config_explain`], [`doctor`].
 
 #![forbid(unsafe_code)]
 
@@ -11,16 +14,24 @@ mod cells;
 mod chaos;
 mod ci;
 mod cli;
+mod compare;
+mod config_explain;
 mod conformance;
+mod demo;
+mod doctor;
 mod evaluate;
 mod fuzz;
 mod ndjson;
 mod output;
+mod plot;
 mod policies;
 mod progress;
 mod provenance;
+mod replay;
 mod reproduce;
 mod run_folder;
+mod runs;
+mod tensorboard;
 mod threads;
 mod train;
 

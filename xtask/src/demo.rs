@@ -1,0 +1,76 @@
+//! `cargo xtask demo`: a moving picture within a minute.
+
+use std::io::IsTerminal as _;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode, Stdio};
+
+use anyhow::Result;
+use clap::Args;
+use jostle_eval::crowds::Pools;
+use jostle_eval::protocol::Protocol;
+use jostle_peds::CrowdKind;
+
+use crate::output;
+use crate::provenance::workspace;
+use crate::replay::driver::Driver;
+use crate::replay::{Wanted, Wish, config_of, record, write};
+
+/// Episodes in each crowd.
+const EPISODES: usize = 10;
+
+/// Arguments of `demo`.
+#[derive(Args)]
+#[command(
+    after_help = "Examples:\n  cargo xtask demo\n  cargo xtask demo --policy runs/ours --out /tmp/demo --no-open"
+)]
+pub(crate) struct DemoArgs {
+    /// Checkpoint file or run folder (default: the policy that is shipped in `policies/`, else a hand-written one).
+    #[arg(long, value_name = "POLICY")]
+    policy: Option<PathBuf>,
+    /// Folder for the page.
+    #[arg(long, value_name = "DIR", default_value = "runs/demo")]
+    out: PathBuf,
+    /// Do not open the page in a browser.
+    #[arg(long)]
+    no_open: bool,
+}
+
+/// Runs a policy among the two crowds that need no training, and names the page that shows it.
+pub(crate) fn run(args: &DemoArgs) -> Result<ExitCode> {
+    let mut drivers = Vec::new();
+    match args.policy.clone().or_else(shipped) {
+        Some(path) => drivers.push(Driver::open(&path, 0)?),
+        None => output::note(
+            "no trained policy is shipped with this checkout: the robot is driven by a hand-written goal-seeker; \
+             after `cargo xtask train`, show yours with --policy",
+        ),
+    }
+    drivers.push(Driver::goal_seeker());
+    let protocol = Protocol::new(config_of(&drivers, None)?, Pools::default())?;
+    let wish = Wish { wanted: Wanted::Any, episodes: EPISODES, search: 0 };
+    let page = record(&protocol, &drivers, &[CrowdKind::Sf, CrowdKind::Vo], wish)?;
+    let path = write(&page, &args.out)?;
+    output::result(&format!("{}\n{}\n", page.summary(), path.display()))?;
+    if !args.no_open && std::io::stdout().is_terminal() && !open(&path) {
+        output::note("no browser could be started; open the page yourself");
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The first policy of the folder `policies`, by name.
+fn shipped() -> Option<PathBuf> {
+    let entries = std::fs::read_dir(workspace().join("policies")).ok()?;
+    let paths = entries.filter_map(|entry| Some(entry.ok()?.path()));
+    paths.filter(|path| path.extension().is_some_and(|extension| extension == "safetensors")).min()
+}
+
+/// Hands a page to the desktop's browser; whether a program for that was found.
+fn open(page: &Path) -> bool {
+    let program = match std::env::consts::OS {
+        "macos" => "open",
+        "windows" => "explorer",
+        _ => "xdg-open",
+    };
+    let quiet = Command::new(program).arg(page).stdout(Stdio::null()).stderr(Stdio::null()).spawn();
+    quiet.is_ok()
+}

@@ -1,0 +1,307 @@
+"use strict";
+// Draws one moment of one run on a canvas. It knows rooms, bodies and scans, and nothing of players or pages.
+const Scene = (() => {
+  const TAU = 2 * Math.PI;
+  const TELEPORT = 1.0; // A body that is farther than this (m) from where it was a step ago was put there.
+  const PAST = 40; // Steps of a pedestrian's trail.
+
+  const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
+
+  const mix = (a, b, share) => a + (b - a) * share;
+
+  function mixAngle(a, b, share) {
+    const turn = ((b - a) % TAU + 1.5 * TAU) % TAU - TAU / 2;
+    return a + turn * share;
+  }
+
+  // Between two steps bodies move along the straight line; one that was re-spawned waits for its new place.
+  function between(poses, index, share, stride, body) {
+    const at = (k) => { const i = (k * stride + body) * 3; return [poses[i], poses[i + 1], poses[i + 2]]; };
+    const a = at(index);
+    if (share === 0) return a;
+    const b = at(index + 1);
+    if (Math.hypot(b[0] - a[0], b[1] - a[1]) > TELEPORT) return a;
+    return [mix(a[0], b[0], share), mix(a[1], b[1], share), mixAngle(a[2], b[2], share)];
+  }
+
+  function bounds(site) {
+    const points = site.flat();
+    const xs = points.map((p) => p[0]), ys = points.map((p) => p[1]);
+    return { left: Math.min(...xs), right: Math.max(...xs), bottom: Math.min(...ys), top: Math.max(...ys) };
+  }
+
+  // The pen: world coordinates (metres, y upwards) on a canvas of `width` CSS pixels.
+  function pen(canvas, site, width) {
+    const box = bounds(site), margin = 0.35;
+    const metres = box.right - box.left + 2 * margin, tall = box.top - box.bottom + 2 * margin;
+    const scale = width / metres, ratio = window.devicePixelRatio || 1;
+    const height = Math.round(tall * scale);
+    canvas.width = Math.round(width * ratio);
+    canvas.height = Math.round(height * ratio);
+    canvas.style.width = width + "px";
+    canvas.style.height = height + "px";
+    const context = canvas.getContext("2d");
+    context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    return {
+      context, scale,
+      x: (x) => (x - box.left + margin) * scale,
+      y: (y) => (box.top - y + margin) * scale,
+    };
+  }
+
+  function path(p, points) {
+    points.forEach(([x, y], k) => p.context[k ? "lineTo" : "moveTo"](p.x(x), p.y(y)));
+  }
+
+  function drawSite(p, site) {
+    const c = p.context;
+    site.forEach((polygon, index) => {
+      c.beginPath();
+      path(p, polygon);
+      c.closePath();
+      c.fillStyle = colour(index ? "wall" : "floor");
+      c.fill();
+    });
+    const box = bounds(site);
+    c.strokeStyle = colour("line");
+    c.lineWidth = 1;
+    c.globalAlpha = 0.55;
+    c.beginPath();
+    for (let x = Math.ceil(box.left / 5) * 5; x <= box.right; x += 5) { c.moveTo(p.x(x), p.y(box.bottom)); c.lineTo(p.x(x), p.y(box.top)); }
+    for (let y = Math.ceil(box.bottom / 5) * 5; y <= box.top; y += 5) { c.moveTo(p.x(box.left), p.y(y)); c.lineTo(p.x(box.right), p.y(y)); }
+    c.stroke();
+    c.globalAlpha = 1;
+    c.beginPath();
+    path(p, site[0]);
+    c.closePath();
+    c.strokeStyle = colour("wall");
+    c.lineWidth = 2.5;
+    c.lineJoin = "round";
+    c.stroke();
+  }
+
+  function drawLaser(p, world, run, index) {
+    const c = p.context, beams = world.laser.beams;
+    const [x, y, heading] = between(run.robot, index, 0, 1, 0);
+    const points = [];
+    for (let k = 0; k < beams; k++) {
+      const range = run.ranges[index * beams + k] / 255 * world.laser.range, angle = heading + k * world.laser.step;
+      points.push([x + range * Math.cos(angle), y + range * Math.sin(angle)]);
+    }
+    const rgb = colour("laser");
+    const glow = c.createRadialGradient(p.x(x), p.y(y), 0, p.x(x), p.y(y), world.laser.range * p.scale);
+    glow.addColorStop(0, `rgba(${rgb}, 0.26)`);
+    glow.addColorStop(1, `rgba(${rgb}, 0.06)`);
+    c.beginPath();
+    path(p, points);
+    c.closePath();
+    c.fillStyle = glow;
+    c.fill();
+    c.strokeStyle = `rgba(${rgb}, 0.22)`;
+    c.lineWidth = 1;
+    c.stroke();
+    c.fillStyle = `rgba(${rgb}, 0.75)`;
+    points.forEach(([px, py], k) => {
+      if (run.ranges[index * beams + k] < 255) c.fillRect(p.x(px) - 1, p.y(py) - 1, 2, 2);
+    });
+    c.beginPath();
+    c.arc(p.x(x), p.y(y), world.crash_range * p.scale, 0, TAU);
+    c.strokeStyle = colour("collision_pedestrian");
+    c.globalAlpha = 0.55;
+    c.setLineDash([2, 3]);
+    c.stroke();
+    c.setLineDash([]);
+    c.globalAlpha = 1;
+  }
+
+  function channels(hex) {
+    return [1, 3, 5].map((k) => parseInt(hex.slice(k, k + 2), 16));
+  }
+
+  function drawRobotTrail(p, world, run, time) {
+    const c = p.context, slow = channels(colour("slow")), fast = channels(colour("fast"));
+    const index = Math.floor(time);
+    c.lineWidth = 2.5;
+    c.lineCap = "round";
+    let [x, y] = between(run.robot, 0, 0, 1, 0);
+    for (let k = 1; k <= Math.ceil(time); k++) {
+      const [nx, ny] = k <= index ? between(run.robot, k, 0, 1, 0) : between(run.robot, index, time - index, 1, 0);
+      const share = Math.min(1, Math.abs(run.command[2 * k]) / world.v_max);
+      c.strokeStyle = `rgb(${slow.map((s, i) => Math.round(mix(s, fast[i], share))).join(",")})`;
+      c.beginPath();
+      c.moveTo(p.x(x), p.y(y));
+      c.lineTo(p.x(nx), p.y(ny));
+      c.stroke();
+      [x, y] = [nx, ny];
+    }
+  }
+
+  function drawTrail(p, run, index, share, body, ink) {
+    const c = p.context;
+    c.lineWidth = 2;
+    c.strokeStyle = ink;
+    let last = between(run.pedestrians, index, share, run.n, body);
+    for (let k = index; k >= Math.max(0, index - PAST); k--) {
+      const here = between(run.pedestrians, k, 0, run.n, body);
+      if (Math.hypot(here[0] - last[0], here[1] - last[1]) > TELEPORT) break;
+      c.globalAlpha = 0.6 * (1 - (index - k) / PAST);
+      c.beginPath();
+      c.moveTo(p.x(last[0]), p.y(last[1]));
+      c.lineTo(p.x(here[0]), p.y(here[1]));
+      c.stroke();
+      last = here;
+    }
+    c.globalAlpha = 1;
+  }
+
+  function drawBody(p, [x, y, heading], size, ink, label, nose) {
+    const c = p.context, [length, width] = size.map((s) => s * p.scale);
+    c.save();
+    c.translate(p.x(x), p.y(y));
+    c.rotate(-heading);
+    c.beginPath();
+    c.roundRect(-length / 2, -width / 2, length, width, Math.min(length, width) * 0.22);
+    c.fillStyle = ink;
+    c.fill();
+    c.lineWidth = 1.5;
+    c.strokeStyle = colour("floor");
+    c.stroke();
+    if (nose) {
+      c.beginPath();
+      c.moveTo(length / 2 + 1, -width * 0.26);
+      c.lineTo(length / 2 + Math.max(5, length * 0.36), 0);
+      c.lineTo(length / 2 + 1, width * 0.26);
+      c.closePath();
+      c.fill();
+    }
+    c.rotate(heading);
+    if (label !== "" && width > 9) {
+      c.fillStyle = colour("panel");
+      c.font = `700 ${Math.min(13, Math.round(width * 0.72))}px system-ui, sans-serif`;
+      c.textAlign = "center";
+      c.textBaseline = "middle";
+      c.fillText(label, 0, 0.5);
+    }
+    c.restore();
+  }
+
+  function arrow(p, x, y, vx, vy, ink) {
+    const c = p.context, ax = p.x(x), ay = p.y(y), bx = p.x(x + vx), by = p.y(y + vy);
+    const length = Math.hypot(bx - ax, by - ay);
+    if (length < 8) return;
+    const ux = (bx - ax) / length, uy = (by - ay) / length;
+    c.strokeStyle = c.fillStyle = ink;
+    c.lineWidth = 1.5;
+    c.beginPath();
+    c.moveTo(ax, ay);
+    c.lineTo(bx - 4 * ux, by - 4 * uy);
+    c.stroke();
+    c.beginPath();
+    c.moveTo(bx, by);
+    c.lineTo(bx - 6 * ux - 3 * uy, by - 6 * uy + 3 * ux);
+    c.lineTo(bx - 6 * ux + 3 * uy, by - 6 * uy - 3 * ux);
+    c.fill();
+  }
+
+  function drawGoal(p, world, [x, y], ink) {
+    const c = p.context, radius = world.goal_radius * p.scale;
+    c.strokeStyle = c.fillStyle = ink;
+    c.globalAlpha = 0.16;
+    c.beginPath();
+    c.arc(p.x(x), p.y(y), radius, 0, TAU);
+    c.fill();
+    c.globalAlpha = 1;
+    c.lineWidth = 2;
+    c.stroke();
+    const flag = Math.max(9, radius * 0.95), gx = p.x(x), gy = p.y(y);
+    c.beginPath();
+    c.moveTo(gx, gy + 1);
+    c.lineTo(gx, gy - flag);
+    c.stroke();
+    c.beginPath();
+    c.moveTo(gx, gy - flag);
+    c.lineTo(gx + flag * 0.8, gy - flag * 0.72);
+    c.lineTo(gx, gy - flag * 0.42);
+    c.fill();
+  }
+
+  function dashed(p, from, to, ink, alpha) {
+    const c = p.context;
+    c.strokeStyle = ink;
+    c.globalAlpha = alpha;
+    c.lineWidth = 1;
+    c.setLineDash([4, 5]);
+    c.beginPath();
+    path(p, [from, to]);
+    c.stroke();
+    c.setLineDash([]);
+    c.globalAlpha = 1;
+  }
+
+  // The goal that a pedestrian has at a step: goals are stored when they change.
+  function goalOf(run, body, index) {
+    let goal = null;
+    for (const [step, who, x, y] of run.goals) {
+      if (step > index) break;
+      if (who === body) goal = [x, y];
+    }
+    return goal;
+  }
+
+  function drawEnd(p, run, time) {
+    if (time < run.steps) return;
+    const c = p.context, [x, y] = between(run.robot, run.steps, 0, 1, 0);
+    c.strokeStyle = colour(run.outcome);
+    c.lineWidth = 3;
+    c.beginPath();
+    c.arc(p.x(x), p.y(y), 0.85 * p.scale, 0, TAU);
+    c.stroke();
+    c.globalAlpha = 0.35;
+    c.beginPath();
+    c.arc(p.x(x), p.y(y), 1.1 * p.scale, 0, TAU);
+    c.stroke();
+    c.globalAlpha = 1;
+  }
+
+  // One moment: `time` in steps, between two of them as well. `ink` is the robot's colour, `layers` says what to show.
+  function draw(canvas, width, world, run, time, ink, layers) {
+    const p = pen(canvas, world.site, width), crowd = colour(run.crowd);
+    const index = Math.min(Math.floor(time), run.steps), share = index < run.steps ? time - index : 0;
+    drawSite(p, world.site);
+    if (layers.laser) drawLaser(p, world, run, index);
+    const robot = between(run.robot, index, share, 1, 0);
+    if (layers.goals) {
+      for (let body = 0; body < run.n; body++) {
+        const goal = goalOf(run, body, index), here = between(run.pedestrians, index, share, run.n, body);
+        dashed(p, here, goal, crowd, 0.35);
+        p.context.fillStyle = crowd;
+        p.context.globalAlpha = 0.55;
+        p.context.beginPath();
+        p.context.arc(p.x(goal[0]), p.y(goal[1]), 3.5, 0, TAU);
+        p.context.fill();
+        p.context.globalAlpha = 1;
+      }
+      dashed(p, robot, run.goal, ink, 0.6);
+    }
+    drawGoal(p, world, run.goal, ink);
+    if (layers.trails) {
+      for (let body = 0; body < run.n; body++) drawTrail(p, run, index, share, body, crowd);
+      drawRobotTrail(p, world, run, Math.min(time, run.steps));
+    }
+    const next = Math.min(index + 1, run.steps);
+    for (let body = 0; body < run.n; body++) {
+      const here = between(run.pedestrians, index, share, run.n, body);
+      const [ax, ay] = between(run.pedestrians, Math.max(0, next - 1), 0, run.n, body);
+      const [bx, by] = between(run.pedestrians, next, 0, run.n, body);
+      const vx = (bx - ax) / world.dt, vy = (by - ay) / world.dt;
+      if (layers.speed && Math.hypot(bx - ax, by - ay) < TELEPORT) arrow(p, here[0], here[1], vx * 1.2, vy * 1.2, crowd);
+      drawBody(p, here, world.body, crowd, run.token_of_pedestrians === null ? "" : String(run.token_of_pedestrians), run.learned);
+    }
+    const v = run.command[2 * next];
+    if (layers.speed) arrow(p, robot[0], robot[1], v * 1.4 * Math.cos(robot[2]), v * 1.4 * Math.sin(robot[2]), ink);
+    drawBody(p, robot, world.body, ink, run.token === null ? "" : String(run.token), true);
+    drawEnd(p, run, time);
+  }
+
+  return { draw, colour, bounds };
+})();

@@ -1,0 +1,118 @@
+//! A training run as its folder tells it: configuration and update reports, read without disturbing who writes them.
+
+use std::fs::{File, TryLockError};
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, Result, bail};
+use jostle_ppo::{Config, UpdateReport};
+
+use crate::run_folder::{is_run_folder, read_optional};
+
+/// What a run is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum State {
+    /// All updates are made.
+    Finished,
+    /// A process works in the folder.
+    Running,
+    /// Updates are missing, and nobody makes them.
+    Stopped,
+}
+
+/// A run's configuration and log.
+pub(crate) struct RunLog {
+    pub(crate) folder: PathBuf,
+    /// The folder's name.
+    pub(crate) name: String,
+    pub(crate) config: Config,
+    /// One for each update, from the first.
+    pub(crate) reports: Vec<UpdateReport>,
+    /// True where the last line is cut short: it is being written, or its writer was killed.
+    pub(crate) torn: bool,
+}
+
+impl RunLog {
+    /// Reads the run in a folder.
+    ///
+    /// # Errors
+    /// A folder without a run; a configuration or a complete line that cannot be read.
+    pub(crate) fn read(folder: &Path) -> Result<Self> {
+        let shown = folder.display();
+        if !is_run_folder(folder) {
+            bail!("{shown} is no run folder; name one that `train` made");
+        }
+        let path = folder.join("config.toml");
+        let text = read_optional(&path)?.with_context(|| format!("{shown} holds no config.toml"))?;
+        let none: &[&str] = &[];
+        let config = Config::parse(&text, &path.display().to_string(), none)?;
+        let path = folder.join("log.ndjson");
+        let text = read_optional(&path)?.unwrap_or_default();
+        let whole = text.rfind('\n').map_or(0, |end| end + 1);
+        let mut reports = Vec::new();
+        for (index, line) in text[..whole].lines().enumerate() {
+            let report = serde_json::from_str(line)
+                .with_context(|| format!("{}:{} is no update report", path.display(), index + 1))?;
+            reports.push(report);
+        }
+        let full = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
+        let name = full.file_name().unwrap_or(full.as_os_str()).to_string_lossy().into_owned();
+        Ok(Self { folder: folder.to_owned(), name, config, reports, torn: whole < text.len() })
+    }
+
+    /// Whether it is finished, running or stopped.
+    pub(crate) fn state(&self) -> Result<State> {
+        let path = self.folder.join("lock");
+        let held = match File::open(&path) {
+            // A shared lock that is given back at once: it is refused while the run's own process is alive.
+            Ok(file) => match file.try_lock_shared() {
+                Ok(()) => false,
+                Err(TryLockError::WouldBlock) => true,
+                Err(TryLockError::Error(error)) => {
+                    return Err(error).with_context(|| format!("cannot test {}", path.display()));
+                }
+            },
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => false,
+            Err(error) => return Err(error).with_context(|| format!("cannot open {}", path.display())),
+        };
+        Ok(match () {
+            () if held => State::Running,
+            () if self.reports.len() as u64 >= self.config.updates => State::Finished,
+            () => State::Stopped,
+        })
+    }
+
+    /// Reports of the `window` updates up to and with update `end`.
+    fn window(&self, end: usize, window: usize) -> &[UpdateReport] {
+        let end = end.min(self.reports.len());
+        &self.reports[end.saturating_sub(window)..end]
+    }
+
+    /// Share of training episodes that reached their goal in the `window` updates up to `end`; `None` without episodes.
+    pub(crate) fn success(&self, end: usize, window: usize) -> Option<f64> {
+        let (success, ended) = self.episodes(end, window);
+        (ended > 0).then(|| success as f64 / ended as f64)
+    }
+
+    /// Successes and all ends among the training episodes of the `window` updates up to `end`.
+    pub(crate) fn episodes(&self, end: usize, window: usize) -> (u64, u64) {
+        self.window(end, window)
+            .iter()
+            .fold((0, 0), |(success, ended), r| (success + r.episodes.success, ended + r.episodes.ended))
+    }
+
+    /// Mean of a measure over the `window` updates up to `end` that have it.
+    pub(crate) fn mean(
+        &self,
+        end: usize,
+        window: usize,
+        measure: impl Fn(&UpdateReport) -> Option<f64>,
+    ) -> Option<f64> {
+        let values: Vec<f64> = self.window(end, window).iter().filter_map(measure).collect();
+        (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+    }
+
+    /// What tells this run apart from others but its seed: runs that agree in it are repetitions.
+    pub(crate) fn recipe(&self) -> String {
+        Config { seed: 0, ..self.config.clone() }.hash()
+    }
+}

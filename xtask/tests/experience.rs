@@ -1,0 +1,181 @@
+//! What a person looks at: pages, pictures, lists. Each must hold the data that it claims to show.
+
+mod common;
+
+use std::fs;
+
+use common::tiny::finished_run;
+use common::{accepted, refused, text};
+use serde_json::Value;
+
+/// The data inside a page.
+fn data_of(page: &str) -> Value {
+    let start = page.find("id=\"data\">").unwrap() + "id=\"data\">".len();
+    let end = start + page[start..].find("</script>").unwrap();
+    serde_json::from_str(&page[start..end]).unwrap()
+}
+
+/// Every element of an SVG is closed, in the order of nesting.
+#[track_caller]
+fn check_svg(svg: &str) {
+    let mut open = Vec::new();
+    let mut rest = svg;
+    while let Some(start) = rest.find('<') {
+        let end = start + rest[start..].find('>').unwrap();
+        let tag = &rest[start + 1..end];
+        let name = tag.trim_start_matches('/').split([' ', '\n', '/']).next().unwrap();
+        if tag.starts_with('/') {
+            assert_eq!(open.pop(), Some(name));
+        } else if !tag.ends_with('/') && !tag.starts_with(['?', '!']) {
+            open.push(name);
+        }
+        rest = &rest[end + 1..];
+    }
+    assert!(open.is_empty() && svg.contains("<svg"), "{open:?}");
+    assert!(!svg.contains("NaN"));
+}
+
+#[test]
+fn a_replay_shows_the_episodes_that_evaluate_records() {
+    let folder = tempfile::tempdir().unwrap();
+    let (records, out) = (folder.path().join("records"), folder.path().join("page"));
+    let run = text(finished_run());
+    accepted(&["evaluate", run, "--crowds", "SF", "--episodes", "3", "--out", text(&records)]);
+    accepted(&["replay", run, "--against", "goal-seeker", "--episodes", "3", "--out", text(&out)]);
+    let page = fs::read_to_string(out.join("index.html")).unwrap();
+    assert!(
+        !page.contains("http:")
+            && !page.contains("https:")
+            && !page.contains("src=")
+            && !page.contains("@import")
+    );
+    assert!(!page.contains("{{"));
+    let data = data_of(&page);
+    assert_eq!(data["policies"].as_array().unwrap().len(), 2);
+    let file = fs::read_dir(records.join("records")).unwrap().next().unwrap().unwrap().path();
+    let lines = fs::read_to_string(file).unwrap();
+    assert_eq!(data["episodes"].as_array().unwrap().len(), lines.lines().count());
+    for (shown, line) in data["episodes"].as_array().unwrap().iter().zip(lines.lines()) {
+        let record: Value = serde_json::from_str(line).unwrap();
+        assert_eq!(shown["episode"], record["episode"]);
+        assert_eq!(shown["goal"], record["goal"]);
+        let run = &shown["runs"][0];
+        assert_eq!((&run["outcome"], &run["steps"]), (&record["outcome"], &record["steps"]));
+        // Three numbers of two bytes for each frame, in base 64.
+        let frames = record["steps"].as_u64().unwrap() as usize + 1;
+        assert_eq!(run["robot"].as_str().unwrap().len(), (6 * frames).div_ceil(3) * 4);
+    }
+}
+
+#[test]
+fn episodes_are_searched_by_their_end() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = text(folder.path());
+    accepted(&[
+        "replay",
+        "goal-seeker",
+        "--crowd",
+        "VO",
+        "--episodes",
+        "2",
+        "--outcome",
+        "success",
+        "--out",
+        out,
+    ]);
+    let data = data_of(&fs::read_to_string(folder.path().join("index.html")).unwrap());
+    let episodes = data["episodes"].as_array().unwrap();
+    assert_eq!(episodes.len(), 2);
+    assert!(episodes.iter().all(|episode| episode["runs"][0]["outcome"] == "success"));
+}
+
+#[test]
+fn learned_crowds_ask_for_their_pool() {
+    refused(&["replay", "goal-seeker", "--crowd", "IN"], &["IN", "--pool", "SF"]);
+    refused(&["replay", "goal-seeker", "--episodes", "0"], &["--episodes"]);
+    refused(&["replay", "no-such-run"], &["no-such-run"]);
+}
+
+#[test]
+fn the_demo_names_its_page() {
+    let folder = tempfile::tempdir().unwrap();
+    let printed = accepted(&["demo", "--no-open", "--out", text(folder.path())]);
+    let page = folder.path().join("index.html");
+    assert_eq!(printed.lines().last(), Some(text(&page)));
+    let data = data_of(&fs::read_to_string(page).unwrap());
+    assert_eq!(data["episodes"].as_array().unwrap().len(), 20);
+}
+
+#[test]
+fn curves_and_bars_are_pictures() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("plots");
+    let printed = accepted(&["plot", text(finished_run()), "--window", "2", "--out", text(&out)]);
+    let curves = fs::read_to_string(out.join("curves.svg")).unwrap();
+    assert!(printed.contains("curves.svg") && curves.contains("Success of training episodes"));
+    check_svg(&curves);
+
+    let table = folder.path().join("table1.json");
+    fs::write(&table, jostle_eval::report::SuccessTable::table_1().json()).unwrap();
+    accepted(&["plot", text(&table), "--out", text(&out)]);
+    let bars = fs::read_to_string(out.join("table1.svg")).unwrap();
+    check_svg(&bars);
+    assert!(bars.contains("Table 1") && bars.contains("SF"));
+    refused(&["plot", text(folder.path())], &["holds no run"]);
+}
+
+#[test]
+fn runs_are_listed_with_their_state() {
+    let listed = accepted(&["runs", text(finished_run().parent().unwrap())]);
+    let line = listed.lines().nth(1).unwrap();
+    assert!(line.contains("finished") && line.contains("4/4"), "{listed}");
+}
+
+#[test]
+fn a_comparison_names_what_differs() {
+    let folder = tempfile::tempdir().unwrap();
+    let other = folder.path().join("other");
+    common::tiny::train(&other, &["seed=2", "updates=2"]);
+    let printed = accepted(&["compare", text(finished_run()), text(&other)]);
+    let line =
+        |start: &str| printed.lines().find(|line| line.starts_with(start)).unwrap_or_default().to_owned();
+    assert_eq!(line("seed").split_whitespace().collect::<Vec<_>>(), ["seed", "1", "2"]);
+    assert!(line("updates made").contains("4/4") && line("updates made").contains("2/2"));
+    assert!(!printed.contains("gamma") && printed.contains("over updates 1 to 2"), "{printed}");
+}
+
+#[test]
+fn an_event_file_has_a_record_for_each_update() {
+    let folder = tempfile::tempdir().unwrap();
+    let printed = accepted(&["tensorboard", text(finished_run()), "--out", text(folder.path())]);
+    let bytes = fs::read(printed.trim()).unwrap();
+    let (mut at, mut records) = (0, 0);
+    while at < bytes.len() {
+        let length = u64::from_le_bytes(bytes[at..at + 8].try_into().unwrap());
+        at += 16 + length as usize;
+        records += 1;
+    }
+    assert_eq!((at, records), (bytes.len(), 1 + 4));
+}
+
+#[test]
+fn keys_are_explained_and_slips_answered() {
+    assert!(accepted(&["config", "explain", "gamma"]).starts_with("gamma = 0.99"));
+    refused(&["config", "explain", "gama"], &["gama", "did you mean gamma?"]);
+}
+
+#[test]
+fn the_doctor_looks_at_everything() {
+    let printed = accepted(&["doctor", "--runs", text(finished_run().parent().unwrap())]);
+    for what in ["toolchain", "cores", "memory", "disk", "CPU features", "checkout", "leftovers"] {
+        assert!(printed.contains(what), "no {what} in {printed}");
+    }
+}
+
+#[test]
+fn every_help_has_an_example() {
+    for command in ["demo", "replay", "plot", "runs", "compare", "doctor", "config", "tensorboard"] {
+        let help = accepted(&[command, "--help"]);
+        assert!(help.contains(&format!("cargo xtask {command}")), "{help}");
+    }
+}
