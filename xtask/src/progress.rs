@@ -50,9 +50,8 @@ impl Progress {
         }
         let seconds = self.started.elapsed().as_secs_f64();
         note(
-            &format!("{}: {}/{} in {} {detail}", self.name, self.position, self.total, clock(seconds))
-                .trim_end()
-                .to_owned(),
+            format!("{}: {}/{} in {} {detail}", self.name, self.position, self.total, clock(seconds))
+                .trim_end(),
         );
     }
 

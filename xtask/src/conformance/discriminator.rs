@@ -13,7 +13,7 @@ use super::verdict::Verdict;
 pub(crate) fn check(tensors: &Tensors, backend: Backend, verdict: &mut Verdict) -> Result<()> {
     let batch = tensors.observations()?;
     let width = batch.rows.len() / batch.batch.max(1);
-    let state = check_one(tensors, "state", width, batch.rows.clone(), backend, verdict)?;
+    let state = check_one(tensors, "state", width, &batch.rows, backend, verdict)?;
     let actions = tensors.pairs("action", batch.batch)?;
     let rows: Vec<f32> = batch
         .rows
@@ -21,7 +21,7 @@ pub(crate) fn check(tensors: &Tensors, backend: Backend, verdict: &mut Verdict) 
         .zip(&actions)
         .flat_map(|(row, a)| row.iter().chain(a).copied())
         .collect();
-    let state_action = check_one(tensors, "state_action", width + 2, rows, backend, verdict)?;
+    let state_action = check_one(tensors, "state_action", width + 2, &rows, backend, verdict)?;
     if let (Some(state), Some(state_action)) = (state, state_action) {
         let reward = |(sa, s): (&f64, &f64)| IntrinsicReward::Difference.of(*sa, *s, false, 1) as f32;
         let rewards: Vec<f32> = state_action.iter().zip(&state).map(reward).collect();
@@ -35,7 +35,7 @@ fn check_one(
     tensors: &Tensors,
     q: &str,
     width: usize,
-    rows: Vec<f32>,
+    rows: &[f32],
     backend: Backend,
     verdict: &mut Verdict,
 ) -> Result<Option<Vec<f64>>> {
@@ -51,7 +51,7 @@ fn check_one(
     ensure!(tokens.len() * width == rows.len(), "token has {} entries", tokens.len());
     let mut network = discriminator(shape, backend, &parameters)?;
     let mut logits = vec![0.0; tokens.len() * n_behaviours];
-    network.forward(Batch::new(&rows, &tokens), &mut logits);
+    network.forward(Batch::new(rows, &tokens), &mut logits);
     let mut d_logits = vec![0.0; logits.len()];
     let loss = evaluate_with_gradient(&logits, &tokens, &mut d_logits).loss;
     network.backward(&d_logits);

@@ -52,7 +52,7 @@ pub(crate) fn check(file: &GaeFile, verdict: &mut Verdict) {
             let Some(expected) = expected else { continue };
             let word = if bootstrap { "bootstrap" } else { "no bootstrap" };
             let (n, found) = (case.agents.len(), expected.advantages.len().min(expected.returns.len()));
-            verdict.same(found, n, || format!("{}: agents of the expected outcome", case.name));
+            verdict.same(&found, &n, || format!("{}: agents of the expected outcome", case.name));
             for (index, agent) in case.agents.iter().enumerate().take(found) {
                 let name = format!("{} ({word}) agent {index}", case.name);
                 let outcome = (&expected.advantages[index][..], &expected.returns[index][..]);

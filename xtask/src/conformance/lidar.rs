@@ -115,7 +115,7 @@ fn check_hits(
     verdict: &mut Verdict,
 ) -> Result<()> {
     let Some(wanted) = &expected.hit else { return Ok(()) };
-    verdict.same(scan.hits.len(), wanted.len(), || format!("{name}: number of hits"));
+    verdict.same(&scan.hits.len(), &wanted.len(), || format!("{name}: number of hits"));
     for (beam, (&hit, wanted)) in scan.hits.iter().zip(wanted).enumerate() {
         let at_limit = (expected.ranges[beam] - limit).abs() < EACH && wanted.is_some();
         // At the very end of the range rounding decides whether something is hit at all.
@@ -129,7 +129,7 @@ fn check_hits(
             Some(("polygon", index)) => Hit::Obstacle(index),
             Some((other, _)) => anyhow::bail!("{name}: a beam hits {other:?}, which is not known"),
         };
-        verdict.same(hit, wanted, || format!("{name}: what beam {beam} hits"));
+        verdict.same(&hit, &wanted, || format!("{name}: what beam {beam} hits"));
     }
     Ok(())
 }
@@ -142,7 +142,7 @@ fn check_nearest(expected: &Expected, scan: &SceneScan, name: &str, verdict: &mu
     }
     let crash_range = EpisodeConfig::default().crash_range;
     if nearest_is_stable && (expected.min_range - f64::from(crash_range)).abs() > MOST {
-        verdict.same(scan.min_range < crash_range, expected.crash, || format!("{name}: crash"));
+        verdict.same(&(scan.min_range < crash_range), &expected.crash, || format!("{name}: crash"));
     }
 }
 

@@ -68,7 +68,7 @@ pub(crate) fn check_episodes(file: &EpisodesFile, verdict: &mut Verdict) -> Resu
             found.push((episode.outcome, metrics));
         }
         let (actual, expected) = (found.len(), case.expected.per_episode.len());
-        verdict.same(actual, expected, || format!("{}: number of episodes", case.name));
+        verdict.same(&actual, &expected, || format!("{}: number of episodes", case.name));
         for (index, ((_, actual), expected)) in found.iter().zip(&case.expected.per_episode).enumerate() {
             check_episode(actual, expected, &format!("{}[{index}]", case.name), verdict);
         }
@@ -79,8 +79,11 @@ pub(crate) fn check_episodes(file: &EpisodesFile, verdict: &mut Verdict) -> Resu
     Ok(())
 }
 
+/// A field's name, and how it is read.
+type Field = (&'static str, fn(&EpisodeMetrics) -> Option<f64>);
+
 fn check_episode(actual: &EpisodeMetrics, expected: &EpisodeMetrics, name: &str, verdict: &mut Verdict) {
-    let fields: [(&str, fn(&EpisodeMetrics) -> Option<f64>); 6] = [
+    let fields: [Field; 6] = [
         ("time", |m| Some(m.time)),
         ("path_length", |m| Some(m.path_length)),
         ("straight_distance", |m| Some(m.straight_distance)),
@@ -102,7 +105,7 @@ fn check_summary(actual: &Summary, expected: &ExpectedSummary, name: &str, verdi
         ("timeout", actual.timeout, expected.timeout),
     ];
     for (field, actual, expected) in counts {
-        verdict.same(actual, expected, || format!("{name}: {field}"));
+        verdict.same(&actual, &expected, || format!("{name}: {field}"));
     }
     let interval = actual.wilson_95;
     let numbers = [
@@ -179,7 +182,7 @@ pub(crate) fn check_intervals(file: &IntervalsFile, verdict: &mut Verdict) -> Re
         let name = format!("paired[{index}]");
         let counts = PairedCounts::count(&case.first, &case.second).context("lists of different lengths")?;
         let expected = &case.expected;
-        verdict.same(counts, expected.test.counts, || format!("{name}: counts"));
+        verdict.same(&counts, &expected.test.counts, || format!("{name}: counts"));
         check_mcnemar(&counts, &expected.test.expected, &name, verdict);
         verdict.close_or_none(
             counts.first_rate(),

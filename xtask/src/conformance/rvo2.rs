@@ -39,14 +39,9 @@ pub(crate) fn check_lines(path: &Path, verdict: &mut Verdict) -> Result<()> {
     for (step, pair) in recording.states.windows(2).enumerate() {
         load(&mut simulator, &pair[0], &pair[1])?;
         simulator.plan();
-        for agent in 0..n_agents {
+        for (agent, expected) in expected[step].iter().enumerate() {
             let found = simulator.lines(agent).context("no recorded half-planes")?;
-            compare_lines(
-                found,
-                &expected[step][agent],
-                &format!("step {} agent {agent}", step + 1),
-                verdict,
-            );
+            compare_lines(found, expected, &format!("step {} agent {agent}", step + 1), verdict);
         }
     }
     Ok(())
@@ -143,10 +138,11 @@ fn compare_lines(found: AgentLines<'_>, expected: &Lines, place: &str, verdict: 
     let determined = |line: &&Line| !line.point.iter().chain(&line.direction).any(|x| x.is_nan());
     let wanted: Vec<&Line> = expected.lines.iter().filter(determined).collect();
     let kept: Vec<_> = found.lines.iter().filter(|line| line.is_determined()).collect();
-    verdict.same(kept.len(), wanted.len(), || format!("{place}: number of half-planes"));
+    verdict.same(&kept.len(), &wanted.len(), || format!("{place}: number of half-planes"));
     if wanted.len() == expected.lines.len() {
-        verdict
-            .same(found.n_agent_lines, expected.n_agent_lines, || format!("{place}: number of agent lines"));
+        verdict.same(&found.n_agent_lines, &expected.n_agent_lines, || {
+            format!("{place}: number of agent lines")
+        });
     }
     for (index, (line, wanted)) in kept.iter().zip(wanted).enumerate() {
         let what = |part: &str| format!("{place} line {index} {part}");

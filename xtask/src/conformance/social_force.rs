@@ -174,7 +174,7 @@ fn compare_forces(forces: &Forces, expected: &ExpectedForces, name: &str, verdic
     for (term, actual, expected) in
         [("pair", &forces.pair, &expected.pair), ("wall_each", &forces.wall_each, &expected.wall_each)]
     {
-        verdict.same(actual.len(), expected.len(), || format!("{name}: rows of {term}"));
+        verdict.same(&actual.len(), &expected.len(), || format!("{name}: rows of {term}"));
         for (row, (actual, expected)) in actual.iter().zip(expected).enumerate() {
             compare(actual, expected, FORCE, &format!("{name}: {term}[{row}]"), verdict);
         }
@@ -191,7 +191,7 @@ pub(crate) fn check_trajectories(file: &TrajectoriesFile, verdict: &mut Verdict)
             let model = file.parameters.model(variant)?;
             let mut walkers = case.state.walkers()?;
             let (n, m) = (expected.position.len(), expected.velocity.len());
-            verdict.same(n, m, || format!("{} ({variant}): steps of positions and velocities", case.name));
+            verdict.same(&n, &m, || format!("{} ({variant}): steps of positions and velocities", case.name));
             for (step, (position, velocity)) in expected.position.iter().zip(&expected.velocity).enumerate() {
                 if step > 0 {
                     model.step(&mut walkers, &borders, case.dt);

@@ -1,5 +1,7 @@
 //! Collects the comparisons made on one file and remembers the worst.
 
+use std::fmt::Write as _;
+
 /// The comparisons made on one file.
 #[derive(Default)]
 pub(crate) struct Verdict {
@@ -83,8 +85,8 @@ impl Verdict {
     /// Compares something that is right or wrong.
     pub(crate) fn same<T: PartialEq + std::fmt::Debug>(
         &mut self,
-        actual: T,
-        expected: T,
+        actual: &T,
+        expected: &T,
         what: impl FnOnce() -> String,
     ) {
         self.comparisons += 1;
@@ -116,12 +118,12 @@ impl Verdict {
             None => format!("{} comparisons", self.comparisons),
         };
         if self.failures > 0 {
-            text.push_str(&format!(", {} failed", self.failures));
+            let _ = write!(text, ", {} failed", self.failures);
         } else if self.comparisons == 0 {
             text.push_str(": nothing to compare");
         }
         if let Some(problem) = &self.problem {
-            text.push_str(&format!("; {problem}"));
+            let _ = write!(text, "; {problem}");
         }
         text
     }
