@@ -1,1 +1,23 @@
-//! Criterion benches of every hot path, and the peers measured side by side.
+//! Shared workloads: what the criterion benches and `cargo xtask bench` time, so that both time the same.
+//!
+//! Reading order: [`clock`] (how seconds are taken), the workloads [`learners`] ("work U"), [`scenes`] (the simulator),
+//! [`crowds`] (ORCA, social force) and [`evaluation`]; [`products`] (the largest layer by itself), [`rates`] (what the machine can do); [`peer_work`] (the workloads
+//! that other software does, too). The other software's drivers stand in `peers/`.
+//!
+//! Architecture invariant: nothing here is needed for a result; the clock is read here and nowhere below.
+
+#![forbid(unsafe_code)]
+
+pub mod clock;
+pub mod crowds;
+mod error;
+pub mod evaluation;
+pub mod learners;
+pub mod peer_work;
+pub mod products;
+pub mod rates;
+pub mod scenes;
+
+pub use clock::{Round, Stopwatch, median};
+pub use error::BenchError;
+pub use peer_work::PeerWork;

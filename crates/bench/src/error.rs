@@ -1,0 +1,34 @@
+//! What can go wrong before a measurement begins.
+
+use thiserror::Error;
+
+/// A workload that cannot be prepared.
+#[derive(Debug, Error)]
+pub enum BenchError {
+    /// The simulator refuses its scene.
+    #[error(transparent)]
+    Sim(#[from] jostle_sim::SimError),
+    /// A crowd refuses its scene.
+    #[error(transparent)]
+    Crowd(#[from] jostle_peds::PedsError),
+    /// A network cannot be made.
+    #[error(transparent)]
+    Policy(#[from] jostle_policy::PolicyError),
+    /// A discriminator cannot be made.
+    #[error(transparent)]
+    Diversity(#[from] jostle_diversity::DiversityError),
+    /// The evaluation refuses its settings.
+    #[error(transparent)]
+    Eval(#[from] jostle_eval::EvalError),
+    /// The matrix product that serves as the yardstick fails.
+    #[error(transparent)]
+    Product(#[from] candle_core::Error),
+    /// No workload has this name.
+    #[error(
+        "workload `{found}`: expected update, forward-B, simulator-R or orca-N with a number for B, R, N"
+    )]
+    UnknownWork {
+        /// The name as it was given.
+        found: String,
+    },
+}

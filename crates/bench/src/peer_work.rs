@@ -1,0 +1,132 @@
+//! The workloads that other software does, too: one name, one round at a time, so that sides can take turns.
+
+use std::fmt;
+use std::str::FromStr;
+
+use crate::clock::Round;
+use crate::crowds::OrcaScene;
+use crate::error::BenchError;
+use crate::learners::WorkU;
+use crate::scenes::{Scene, Stepping};
+
+/// A workload; its text is `update`, `forward-B`, `simulator-R` or `orca-N`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PeerWork {
+    /// Work U. A unit is an update.
+    Update,
+    /// Inference of the actor. A unit is a call.
+    Forward {
+        /// Rows of a call.
+        batch: usize,
+    },
+    /// Steps of rooms of five robots with 512 noisy beams. A unit is an agent-step.
+    Simulator {
+        /// Rooms side by side.
+        rooms: usize,
+    },
+    /// Steps of a crowd on open ground. A unit is an agent-step.
+    Orca {
+        /// Agents.
+        agents: usize,
+    },
+}
+
+impl PeerWork {
+    /// What a unit is.
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::Update => "update",
+            Self::Forward { .. } => "call",
+            Self::Simulator { .. } | Self::Orca { .. } => "agent-step",
+        }
+    }
+
+    /// Makes everything ready and warm; each call of the answer is one round. To be called on the threads of a pool of
+    /// `threads`.
+    ///
+    /// # Errors
+    ///
+    /// When a part of the work cannot be made.
+    pub fn prepare(self, threads: usize) -> Result<Box<dyn FnMut() -> Round + Send>, BenchError> {
+        Ok(match self {
+            Self::Update => {
+                let mut work = WorkU::new()?;
+                work.run(threads);
+                Box::new(move || {
+                    Round::repeat(threads, || {
+                        work.run(threads);
+                        1.0
+                    })
+                })
+            }
+            Self::Forward { batch } => {
+                let mut work = WorkU::new()?;
+                let calls = 1 + 400 / batch;
+                (0..calls).for_each(|_| work.actor.infer(batch));
+                Box::new(move || {
+                    Round::repeat(threads, || {
+                        (0..calls).for_each(|_| work.actor.infer(batch));
+                        calls as f64
+                    })
+                })
+            }
+            Self::Simulator { rooms } => {
+                let mut stepping = Stepping::new(Scene { n_agents: 5, polygons: false }, rooms)?;
+                let steps = 1 + 200 / rooms;
+                stepping.step();
+                Box::new(move || {
+                    Round::repeat(threads, || (0..steps).map(|_| stepping.step()).sum::<usize>() as f64)
+                })
+            }
+            Self::Orca { agents } => {
+                let scene = OrcaScene::new(agents)?;
+                Box::new(move || scene.round(threads))
+            }
+        })
+    }
+}
+
+impl fmt::Display for PeerWork {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Update => f.write_str("update"),
+            Self::Forward { batch } => write!(f, "forward-{batch}"),
+            Self::Simulator { rooms } => write!(f, "simulator-{rooms}"),
+            Self::Orca { agents } => write!(f, "orca-{agents}"),
+        }
+    }
+}
+
+impl FromStr for PeerWork {
+    type Err = BenchError;
+
+    fn from_str(text: &str) -> Result<Self, BenchError> {
+        let unknown = || BenchError::UnknownWork { found: text.to_owned() };
+        if text == "update" {
+            return Ok(Self::Update);
+        }
+        let (kind, number) = text.split_once('-').ok_or_else(unknown)?;
+        let number = number.parse().ok().filter(|n| (1..=1_000_000).contains(n)).ok_or_else(unknown)?;
+        match kind {
+            "forward" if number <= crate::learners::TRANSITIONS => Ok(Self::Forward { batch: number }),
+            "simulator" => Ok(Self::Simulator { rooms: number }),
+            "orca" => Ok(Self::Orca { agents: number }),
+            _ => Err(unknown()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_read_back() {
+        for text in ["update", "forward-80", "simulator-1", "orca-10000"] {
+            assert_eq!(text.parse::<PeerWork>().expect("a workload").to_string(), text);
+        }
+        for text in ["", "updates", "forward", "forward-0", "forward-641", "orca-x", "simulator--1"] {
+            assert!(text.parse::<PeerWork>().is_err(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,113 @@
+//! The three products of fc1 (4096 → 256), two thirds of a trunk's arithmetic, at the batch of work U, on one thread.
+
+use jostle_policy::kernels::{AlignedVec, BLOCK, Chunks, Finish, Forward, Grid, HALF, Isa, Linear, PANEL};
+use rand::Rng;
+
+use crate::clock::Stopwatch;
+use crate::learners::TRANSITIONS;
+use crate::scenes::stream;
+
+/// Room between two rows of an input gradient, so that rows do not share a set of the cache.
+const ROW_GAP: usize = 48;
+
+/// Operands of the layer; every product writes memory of its own.
+pub struct Fc1 {
+    layer: Linear,
+    isa: Isa,
+    chunks: Chunks,
+    weights: AlignedVec,
+    transposed: AlignedVec,
+    bias: Vec<f32>,
+    x: AlignedVec,
+    y: AlignedVec,
+    dy: AlignedVec,
+    dx: AlignedVec,
+    gradient: AlignedVec,
+}
+
+impl Fc1 {
+    /// The layer with arbitrary weights, inputs and gradients.
+    pub fn new() -> Self {
+        let (layer, isa) = (Linear::new(4096, 256), Isa::detect());
+        let chunks = Chunks::new(TRANSITIONS);
+        let mut rng = stream("fc1");
+        let mut fill = |len: usize| {
+            let mut values = AlignedVec::zeros(len);
+            values.iter_mut().for_each(|value| *value = rng.next_u32() as f32 / u32::MAX as f32 - 0.5);
+            values
+        };
+        let weights = fill(layer.weights());
+        let mut transposed = AlignedVec::zeros(layer.transposed_len());
+        layer.transpose(isa, &weights, &mut transposed);
+        Self {
+            x: fill(chunks.len(layer.inputs())),
+            dy: fill(chunks.len(layer.outputs())),
+            y: AlignedVec::zeros(chunks.len(layer.outputs())),
+            dx: AlignedVec::zeros(chunks.size * (layer.inputs() + ROW_GAP)),
+            gradient: AlignedVec::zeros(layer.weights()),
+            bias: vec![0.1; layer.outputs()],
+            layer,
+            isa,
+            chunks,
+            weights,
+            transposed,
+        }
+    }
+
+    /// Operations of each of the products.
+    pub fn flop(&self) -> f64 {
+        2.0 * (self.layer.weights() * TRANSITIONS) as f64
+    }
+
+    /// Seconds of y = x·W + b for all rows.
+    pub fn forward(&mut self) -> f64 {
+        let watch = Stopwatch::start(1);
+        let (x_len, y_len) =
+            (self.chunks.chunk_len(self.layer.inputs()), self.chunks.chunk_len(self.layer.outputs()));
+        for (chunk, (x, y)) in self.x.chunks(x_len).zip(self.y.chunks_mut(y_len)).enumerate() {
+            let operands = Forward::new(&self.chunks, chunk, x, y, true);
+            self.layer.forward(self.isa, &self.weights, &self.bias, operands);
+        }
+        watch.seconds()
+    }
+
+    /// Seconds of dx = dy·Wᵀ, masked by the ReLU before.
+    pub fn input_gradient(&mut self) -> f64 {
+        let watch = Stopwatch::start(1);
+        let stride = self.chunks.block_stride();
+        let (x_len, y_len) =
+            (self.chunks.chunk_len(self.layer.inputs()), self.chunks.chunk_len(self.layer.outputs()));
+        for (chunk, (x, dy)) in self.x.chunks(x_len).zip(self.dy.chunks(y_len)).enumerate() {
+            let rows = self.chunks.rows(chunk);
+            for panel in 0..self.layer.transposed_panels() {
+                let mask = Finish::Mask(Grid { data: &x[panel * 2 * stride..], row: BLOCK, half: stride });
+                let row = self.layer.inputs() + ROW_GAP;
+                let dx = Grid { data: &mut self.dx[panel * PANEL..], row, half: HALF };
+                self.layer.input_gradient(
+                    self.isa,
+                    &self.transposed,
+                    panel,
+                    &self.chunks,
+                    rows,
+                    dy,
+                    mask,
+                    dx,
+                );
+            }
+        }
+        watch.seconds()
+    }
+
+    /// Seconds of dW = xᵀ·dy. To be called on a pool of one thread, which the clock then reads.
+    pub fn weight_gradient(&mut self) -> f64 {
+        let watch = Stopwatch::start(1);
+        self.layer.weight_gradient(self.isa, &self.chunks, &self.x, &self.dy, &mut self.gradient);
+        watch.seconds()
+    }
+}
+
+impl Default for Fc1 {
+    fn default() -> Self {
+        Self::new()
+    }
+}
