@@ -102,3 +102,30 @@ fn first_paragraph(message: &str) -> String {
     let paragraph = message.split("\n\n").next().unwrap_or(message);
     format!("{} (see --help)", output::flatten(paragraph))
 }
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser as _;
+
+    use super::Cli;
+    use crate::provenance::workspace;
+
+    #[test]
+    fn every_command_in_the_documentation_is_understood() {
+        let docs = std::fs::read_dir(workspace().join("docs")).unwrap().map(|entry| entry.unwrap().path());
+        let pages = docs.filter(|path| path.extension().is_some_and(|extension| extension == "md"));
+        let mut found = 0;
+        for page in pages.chain([workspace().join("README.md")]) {
+            let text = std::fs::read_to_string(&page).unwrap();
+            for line in text.lines().filter_map(|line| line.strip_prefix("cargo xtask ")) {
+                let command = line.split('#').next().unwrap_or(line);
+                let words = ["xtask"].into_iter().chain(command.split_whitespace());
+                if let Err(error) = Cli::try_parse_from(words) {
+                    panic!("{}: {command}: {error}", page.display());
+                }
+                found += 1;
+            }
+        }
+        assert!(found > 20, "only {found} commands were found");
+    }
+}

@@ -12,6 +12,7 @@ mod compare;
 mod trigger;
 mod victim;
 
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -117,7 +118,7 @@ fn torment(victim: &Victim, kills: u64, seed: u64, tally: &mut Tally) -> Result<
                     tally.kills += 1;
                     tally.during_checkpoint += u64::from(moment == Moment::Checkpoint);
                     tally.during_append += u64::from(moment == Moment::Append);
-                    tally.lost.extend(victim.lost_checkpoint(&folder));
+                    tally.lost.extend(Victim::lost_checkpoint(&folder));
                     tally.torn += u64::from(tear(victim, &folder, &mut rng)?);
                 }
             }
@@ -137,7 +138,6 @@ fn tear(victim: &Victim, folder: &Path, rng: &mut StreamRng) -> Result<bool> {
     const LINE: &str = r#"{"update":9,"episode":9,"transitions":"#;
     let (chosen, length) = (rng.random_ratio(1, TORN), rng.random_range(1..LINE.len()));
     let Some(file) = victim.growing_file(folder).filter(|_| chosen) else { return Ok(false) };
-    use std::io::Write as _;
     std::fs::OpenOptions::new()
         .append(true)
         .open(&file)

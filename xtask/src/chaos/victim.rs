@@ -131,7 +131,7 @@ impl Victim {
     }
 
     /// What was finished before the kill must still be whole: the checkpoint that `latest` names.
-    pub(super) fn lost_checkpoint(&self, out: &Path) -> Option<String> {
+    pub(super) fn lost_checkpoint(out: &Path) -> Option<String> {
         if !out.join("latest").exists() {
             return None;
         }

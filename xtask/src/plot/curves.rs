@@ -13,12 +13,13 @@ pub(crate) struct Group<'a> {
     runs: Vec<&'a RunLog>,
 }
 
-/// Groups runs by everything but the seed, in the order of their first member.
+/// Groups runs by everything but the seed, in the order of their first member. Runs that are to make more updates than
+/// others stand alone: a band ends where its shortest run does.
 pub(crate) fn groups(runs: &[RunLog]) -> Vec<Group<'_>> {
     let mut order: Vec<Group<'_>> = Vec::new();
-    let mut place: BTreeMap<String, usize> = BTreeMap::new();
+    let mut place: BTreeMap<(String, u64), usize> = BTreeMap::new();
     for run in runs {
-        let at = *place.entry(run.recipe()).or_insert(order.len());
+        let at = *place.entry((run.recipe(), run.config.updates)).or_insert(order.len());
         if at == order.len() {
             order.push(Group { label: run.name.clone(), runs: Vec::new() });
         }
@@ -52,6 +53,7 @@ pub(crate) struct Panel {
 }
 
 /// All that is drawn on one page.
+#[expect(clippy::struct_field_names, reason = "a page of panels has panels")]
 pub(crate) struct Panels {
     pub(crate) labels: Vec<String>,
     pub(crate) panels: Vec<Panel>,
@@ -134,8 +136,7 @@ fn points(group: &Group<'_>, measure: &Measure<'_>) -> Vec<[f64; 4]> {
     let common = group.runs.iter().map(|run| run.reports.len()).min().unwrap_or(0);
     let step = common.div_ceil(POINTS).max(1);
     // The last update is always among them.
-    let mut ends: Vec<usize> =
-        (0..).map(|k| k * step).take_while(|back| *back < common).map(|back| common - back).collect();
+    let mut ends: Vec<usize> = (0..common).step_by(step).map(|back| common - back).collect();
     ends.reverse();
     let point = |end: usize| {
         let values: Option<Vec<f64>> = group.runs.iter().map(|run| measure(run, end)).collect();

@@ -227,11 +227,11 @@ pub(crate) fn bars(table: &SuccessTable) -> Result<String> {
             TextStyle::from((FONT, size).into_font()).color(color).pos(Pos::new(HPos::Center, VPos::Top))
         };
         for (index, crowd) in CrowdKind::ALL.into_iter().enumerate() {
-            let x = left + ((right - left) as f64 * (index as f64 + 0.5) / n_crowds as f64) as i32;
+            let x = left + (f64::from(right - left) * (index as f64 + 0.5) / n_crowds as f64) as i32;
             area.draw_text(crowd.name(), &centred(15, &DARK), (x, foot + 6))?;
         }
         let note = "bars: ours, with 95 % Wilson intervals; diamonds: the paper's figures";
-        area.draw_text(note, &centred(12, &GREY), ((left + right) / 2, foot + 30))?;
+        area.draw_text(note, &centred(12, &GREY), (i32::midpoint(left, right), foot + 30))?;
         Ok(())
     })
 }

@@ -52,17 +52,13 @@ impl Driver {
 
     /// The robot, ready to act in rooms of the configuration.
     pub(crate) fn robot(&self, config: &EvalConfig) -> Result<Box<dyn RobotPolicy>> {
-        match (&self.policy, self.token) {
-            (Some(policy), token) => {
-                Ok(Box::new(TrainedRobot::new(policy, token.unwrap_or(0), config.backend)?))
-            }
-            (None, _) => {
-                let beams: Vec<[f32; 2]> = (0..config.sim.laser.beams)
-                    .map(|k| direction(std::f32::consts::TAU * k as f32 / config.sim.laser.beams as f32))
-                    .collect();
-                Ok(Box::new(PerRow::new(move |row: &[f32]| seek(&beams, row))))
-            }
+        if let Some(policy) = &self.policy {
+            return Ok(Box::new(TrainedRobot::new(policy, self.token.unwrap_or(0), config.backend)?));
         }
+        let beams: Vec<[f32; 2]> = (0..config.sim.laser.beams)
+            .map(|k| direction(std::f32::consts::TAU * k as f32 / config.sim.laser.beams as f32))
+            .collect();
+        Ok(Box::new(PerRow::new(move |row: &[f32]| seek(&beams, row))))
     }
 }
 
@@ -124,7 +120,7 @@ mod tests {
         let [_, left] = seek(&beams, &row(&|_| 10.0, [0.0, 8.0]));
         assert_eq!(left, 1.0);
         // A block straight ahead.
-        let [v, w] = seek(&beams, &row(&|k| if k < 4 || k > 60 { 1.0 } else { 10.0 }, [8.0, 0.0]));
+        let [v, w] = seek(&beams, &row(&|k| if (4..=60).contains(&k) { 10.0 } else { 1.0 }, [8.0, 0.0]));
         assert!(v < 0.3 && w.abs() > 0.5);
     }
 }

@@ -81,6 +81,7 @@ struct PolicyEntry {
 }
 
 #[derive(Serialize)]
+#[expect(clippy::struct_field_names, reason = "the page's script reads these names")]
 struct Episode {
     crowd: CrowdKind,
     episode: u64,

@@ -1,0 +1,61 @@
+//! `cargo xtask bench`: what the figures of `docs/performance.md` are made by.
+//!
+//! Reading order: [`machine`] (under what conditions), [`update`], [`simulator`] and [`evaluation`] (ours alone), [`peers`]
+//! (ours and other software, taking turns), [`worker`] (our side of that).
+
+mod evaluation;
+mod machine;
+mod peers;
+mod simulator;
+mod table;
+mod update;
+mod worker;
+
+use std::process::ExitCode;
+
+use anyhow::{Context as _, Result};
+use clap::{Args, Subcommand};
+use rayon::ThreadPool;
+
+/// Arguments of `bench`.
+#[derive(Args)]
+#[command(after_help = "Example:\n  cargo xtask bench peers --rvo2 ../RVO2 --only update,forward-5")]
+pub(crate) struct BenchArgs {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Subcommand)]
+enum What {
+    /// Where an update's time goes, and how far each part is from the machine's matrix product.
+    Update(update::UpdateArgs),
+    /// Agent-steps per second of the simulator.
+    Simulator(simulator::SimulatorArgs),
+    /// How long cells of a table take.
+    Evaluation(evaluation::EvaluationArgs),
+    /// Ours and other software on the same work, taking turns: PyTorch, IR-SIM, VMAS, RVO2, Stage.
+    Peers(peers::PeersArgs),
+    /// One side of a comparison: a round for each line of standard input.
+    #[command(hide = true)]
+    Worker(worker::WorkerArgs),
+}
+
+/// Measures as the arguments say; Markdown on standard output.
+pub(crate) fn run(args: &BenchArgs) -> Result<ExitCode> {
+    match &args.what {
+        What::Update(args) => update::run(args),
+        What::Simulator(args) => simulator::run(args),
+        What::Evaluation(args) => evaluation::run(args),
+        What::Peers(args) => peers::run(args),
+        What::Worker(args) => worker::run(args),
+    }
+    .map(|()| ExitCode::SUCCESS)
+}
+
+/// A pool of so many threads.
+fn pool(threads: usize) -> Result<ThreadPool> {
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .with_context(|| format!("cannot start {threads} threads"))
+}
