@@ -82,7 +82,9 @@ impl Buffers {
             .enumerate()
             .map(|(i, room)| room.step(plan, actions[i], walks(i)))
             .collect::<Result<_, EvalError>>()?;
-        rooms.iter().for_each(|room| watch(room));
+        for room in rooms.iter() {
+            watch(room);
+        }
         let mut ended = results.iter().map(Option::is_some);
         rooms.retain(|_| !ended.next().unwrap_or(false));
         Ok(results.into_iter().flatten().collect())
