@@ -120,7 +120,7 @@ pub(crate) fn train(config: &Config, folder: &Path, resume: bool, name: &str) ->
     } else if found <= config.updates {
         // A kill between a checkpoint and what follows it leaves an old `latest` and a checkpoint too many.
         settle(&run, found, config)?;
-        if found < config.updates {
+        if found > 0 && found < config.updates {
             output::note(&format!("{name}: resumed at update {found}"));
         }
     }
