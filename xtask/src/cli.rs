@@ -6,8 +6,8 @@ use anyhow::Result;
 use clap::{Parser, Subcommand};
 
 use crate::{
-    chaos, ci, compare, config_explain, conformance, demo, doctor, evaluate, fuzz, output, plot, replay,
-    reproduce, runs, tensorboard, train,
+    bench, chaos, ci, compare, config_explain, conformance, demo, doctor, evaluate, fuzz, output, plot,
+    replay, reproduce, runs, tensorboard, train,
 };
 
 /// Exit status of a command line that cannot be read.
@@ -56,6 +56,8 @@ pub(crate) enum Command {
     Config(config_explain::ConfigArgs),
     /// Write the logs of runs as event files for TensorBoard.
     Tensorboard(tensorboard::TensorboardArgs),
+    /// Measure: an update, the simulator, the evaluation, other software beside ours.
+    Bench(bench::BenchArgs),
     /// Check everything: format, lints, documentation, tests, doctests.
     Ci(ci::CiArgs),
 }
@@ -78,6 +80,7 @@ impl Command {
             Self::Doctor(args) => doctor::run(&args),
             Self::Config(args) => config_explain::run(&args),
             Self::Tensorboard(args) => tensorboard::run(&args),
+            Self::Bench(args) => bench::run(&args),
             Self::Ci(args) => ci::run(&args),
         }
     }
