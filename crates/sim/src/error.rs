@@ -2,6 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
+/// Characters of a file that an error repeats at most.
+const FOUND_MAX: usize = 200;
+
 /// Why a simulator could not be built, restored or given a map.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SimError {
@@ -49,14 +52,24 @@ impl SimError {
         Self::Field { field: field.into(), found: found.to_string(), expected: expected.into() }
     }
 
-    /// A [`SimError::File`].
+    /// A [`SimError::File`]; what a file holds is shortened and put on one line.
     pub(crate) fn file(
         path: &Path,
         field: impl Into<String>,
         found: impl std::fmt::Display,
         expected: impl Into<String>,
     ) -> Self {
-        let (field, expected) = (field.into(), expected.into());
-        Self::File { path: path.to_path_buf(), field, found: found.to_string(), expected }
+        let (field, expected) = (one_line(&field.into()), expected.into());
+        Self::File { path: path.to_path_buf(), field, found: one_line(&found.to_string()), expected }
     }
+}
+
+/// Text of a file as a part of a message: without control characters, at most [`FOUND_MAX`] characters.
+fn one_line(text: &str) -> String {
+    let clean = |c: char| if c.is_control() { ' ' } else { c };
+    let mut line: String = text.chars().take(FOUND_MAX).map(clean).collect();
+    if text.chars().nth(FOUND_MAX).is_some() {
+        line.push('…');
+    }
+    line
 }

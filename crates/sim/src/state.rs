@@ -8,6 +8,7 @@ use crate::geometry::Pose;
 use crate::rng::Streams;
 use crate::room::Episode;
 use crate::rooms::Rooms;
+use glam::Vec2;
 use serde::{Deserialize, Serialize};
 
 /// A snapshot of [`Rooms`]. The formats it is written in must keep f32 and f64 exactly.
@@ -100,17 +101,25 @@ impl Rooms {
         same("n_behaviours", u64::from(state.n_behaviours), u64::from(self.n_behaviours))?;
         same("agents", state.agents.len() as u64, self.tokens.len() as u64)?;
         same("observations", state.observations.len() as u64, self.observations.len() as u64)?;
-        let finite = |a: &AgentState| {
+        let (min, max) = self.rooms[0].world.walls().expect("a room has walls");
+        let inside = |p: Vec2| p.cmpge(min).all() && p.cmple(max).all();
+        // Distances between two places of the room, with room for rounding.
+        let reach = 1.01 * min.distance(max);
+        let sound = |a: &AgentState| {
             let e = &a.episode;
+            let distances = [e.goal_distance, e.straight_distance];
             a.pose.is_finite()
-                && e.goal.is_finite()
-                && [e.velocity[0], e.velocity[1], e.goal_distance, e.straight_distance]
-                    .iter()
-                    .all(|x| x.is_finite())
+                && inside(a.pose.position)
+                && inside(e.goal)
+                && e.velocity.iter().all(|x| x.is_finite())
+                && distances.iter().all(|x| (0.0..=reach).contains(x))
+                && e.path_length.is_finite()
+                && e.reward_sum.is_finite()
+                && e.steps < u32::MAX
                 && a.token < self.n_behaviours
         };
-        if let Some(i) = state.agents.iter().position(|a| !finite(a)) {
-            let found = "a number that is not finite or a token out of range";
+        if let Some(i) = state.agents.iter().position(|a| !sound(a)) {
+            let found = "a place outside the room, a number that is not finite or a token out of range";
             return Err(SimError::field(format!("state.agents[{i}]"), found, "the state of an agent"));
         }
         if !state.observations.iter().all(|x| x.is_finite()) {

@@ -17,12 +17,11 @@ use std::path::Path;
 pub(super) fn load(path: &Path) -> Result<Scenario, SimError> {
     let yaml = MapYaml::parse(path, &read_text(path)?)?;
     let image = image::load(&yaml.image)?;
-    let blocks = merge(&solid_cells(&yaml, &image), image.width);
-    if blocks.len() > OBSTACLES_MAX {
+    let blocks = merge(&solid_cells(&yaml, &image), image.width).map_err(|n| {
         let expected =
             format!("a map that merges into at most {OBSTACLES_MAX} boxes: a coarser or cleaner one");
-        return Err(SimError::file(&yaml.image, "boxes", blocks.len(), expected));
-    }
+        SimError::file(&yaml.image, "boxes", format!("{n} or more"), expected)
+    })?;
     let origin = DVec2::from(yaml.origin);
     let corner = |x: usize, y: usize| origin + yaml.resolution * DVec2::new(x as f64, y as f64);
     let obstacle = |block: &Block| {
@@ -53,26 +52,37 @@ struct Block {
 }
 
 /// Runs of solid cells in each row; a run that stands on an equal one grows it.
-fn merge(solid: &[bool], width: usize) -> Vec<Block> {
+///
+/// The work is one pass over the cells, and it ends with the number of blocks as soon as there are more than a map may
+/// have: a small compressed image can hold millions.
+fn merge(solid: &[bool], width: usize) -> Result<Vec<Block>, usize> {
     let (mut done, mut open): (Vec<Block>, Vec<Block>) = (Vec::new(), Vec::new());
     for (y, row) in solid.chunks_exact(width).enumerate() {
         let mut next = Vec::new();
+        // Both the runs of this row and the open blocks go from left to right.
+        let mut below = open.drain(..).peekable();
         let mut x = 0;
         while x < width {
             let length = row[x..].iter().take_while(|cell| **cell).count();
             if length > 0 {
                 let run = (x, x + length);
-                let below = open.iter().position(|block| block.x == run).map(|i| open.swap_remove(i));
-                next.push(Block { x: run, y: (below.map_or(y, |b| b.y.0), y + 1) });
+                while let Some(block) = below.next_if(|block| block.x < run) {
+                    done.push(block);
+                }
+                let grown = below.next_if(|block| block.x == run);
+                next.push(Block { x: run, y: (grown.map_or(y, |block| block.y.0), y + 1) });
             }
             x += length.max(1);
         }
-        done.append(&mut open);
+        done.extend(below);
         open = next;
+        if done.len() + open.len() > OBSTACLES_MAX {
+            return Err(done.len() + open.len());
+        }
     }
     done.append(&mut open);
     done.sort_by_key(|block| (block.y, block.x));
-    done
+    Ok(done)
 }
 
 #[cfg(test)]
@@ -84,6 +94,16 @@ mod tests {
         let map = ["##..", "##..", "..##"].concat();
         let cells: Vec<bool> = map.chars().map(|c| c == '#').collect();
         let expected = [Block { x: (0, 2), y: (0, 2) }, Block { x: (2, 4), y: (2, 3) }];
-        assert_eq!(merge(&cells, 4), expected);
+        assert_eq!(merge(&cells, 4).as_deref(), Ok(&expected[..]));
+    }
+
+    #[test]
+    fn a_run_grows_only_an_equal_one() {
+        let map = [".##..#", ".#...#", ".#.#.#"].concat();
+        let cells: Vec<bool> = map.chars().map(|c| c == '#').collect();
+        let block = |x, y| Block { x, y };
+        let expected =
+            [block((1, 3), (0, 1)), block((5, 6), (0, 3)), block((1, 2), (1, 3)), block((3, 4), (2, 3))];
+        assert_eq!(merge(&cells, 6).as_deref(), Ok(&expected[..]));
     }
 }

@@ -64,7 +64,12 @@ impl Pgm<'_> {
             data.to_vec()
         } else {
             (0..n)
-                .map(|_| self.number("pixel").map(|x| x.min(usize::from(u8::MAX)) as u8))
+                .map(|_| {
+                    let pixel = self.number("pixel")?;
+                    let too_light =
+                        |_| SimError::file(self.path, "pixel", pixel, format!("at most {largest}"));
+                    u8::try_from(pixel).map_err(too_light)
+                })
                 .collect::<Result<_, _>>()?
         };
         if let Some(pixel) = raw.iter().find(|pixel| usize::from(**pixel) > largest) {
@@ -88,11 +93,16 @@ impl Pgm<'_> {
         }
         let rest = &self.bytes[self.at.min(self.bytes.len())..];
         let digits = rest.iter().take_while(|b| b.is_ascii_digit()).count();
-        let text = String::from_utf8_lossy(&rest[..digits.min(9)]);
         self.at += digits;
-        text.parse().map_err(|_| {
-            let found = rest.first().map_or("the end of the file".into(), |b| format!("byte {b}"));
-            SimError::file(self.path, field, found, "a decimal number")
+        // Nine digits are more than any field may have; longer ones would not be read whole.
+        let text = str::from_utf8(&rest[..digits]).ok().filter(|text| text.len() <= 9);
+        text.and_then(|text| text.parse().ok()).ok_or_else(|| {
+            let found = match rest.first() {
+                _ if digits > 0 => format!("a number of {digits} digits"),
+                Some(byte) => format!("byte {byte}"),
+                None => "the end of the file".into(),
+            };
+            SimError::file(self.path, field, found, "a decimal number of at most 9 digits")
         })
     }
 }
@@ -104,6 +114,15 @@ fn png_image(path: &Path, bytes: &[u8]) -> Result<GreyImage, SimError> {
     let mut reader = decoder.read_info().map_err(refused)?;
     let (width, height) = (reader.info().width as usize, reader.info().height as usize);
     check_size(path, width, height)?;
+    // Found by fuzzing: png 0.18 panics on a palette with a part of a colour.
+    if let Some(palette) = reader.info().palette.as_ref().filter(|palette| !palette.len().is_multiple_of(3)) {
+        return Err(SimError::file(
+            path,
+            "palette",
+            format!("{} bytes", palette.len()),
+            "three for each colour",
+        ));
+    }
     // At most four bytes a pixel after the transformation.
     let mut pixels = vec![0; 4 * width * height];
     let info = reader.next_frame(&mut pixels).map_err(refused)?;

@@ -42,6 +42,10 @@ pub fn load(path: &Path) -> Result<Scenario, SimError> {
 /// A file's bytes, up to the cap.
 fn read(path: &Path) -> Result<Vec<u8>, SimError> {
     let unreadable = |error: std::io::Error| SimError::file(path, "file", error, "a readable file");
+    // A pipe or a terminal would be waited for without an end.
+    if !std::fs::metadata(path).map_err(unreadable)?.is_file() {
+        return Err(SimError::file(path, "file", "something else", "a regular file"));
+    }
     let file = std::fs::File::open(path).map_err(unreadable)?;
     let mut bytes = Vec::new();
     file.take(FILE_MAX + 1).read_to_end(&mut bytes).map_err(unreadable)?;

@@ -3,6 +3,9 @@
 use crate::error::SimError;
 use std::path::{Path, PathBuf};
 
+/// Longest name of an image, bytes.
+const NAME_MAX: usize = 1024;
+
 /// The metadata of an occupancy grid.
 #[derive(Debug)]
 pub(super) struct MapYaml {
@@ -41,6 +44,11 @@ impl MapYaml {
             return Err(SimError::file(path, "mode", mode, "trinary"));
         }
         let image = get("image")?;
+        // Such a name would forge lines in the messages about it, or fill a terminal.
+        if image.len() > NAME_MAX || image.chars().any(char::is_control) {
+            let expected = format!("a file name of at most {NAME_MAX} bytes without control characters");
+            return Err(SimError::file(path, "image", image, expected));
+        }
         Ok(Self {
             image: path.parent().unwrap_or(Path::new("")).join(image),
             resolution: number("resolution", 1e-3, 10.0)?,
@@ -77,8 +85,8 @@ fn fields(path: &Path, text: &str) -> Result<Vec<(String, String)>, SimError> {
 /// `[x, y, yaw]`, where yaw must be 0.
 fn origin(path: &Path, found: &str) -> Result<[f64; 2], SimError> {
     let inner = found.strip_prefix('[').and_then(|s| s.strip_suffix(']')).unwrap_or("");
-    let parts: Vec<f64> = inner.split(',').filter_map(|part| part.trim().parse().ok()).collect();
-    match parts[..] {
+    let parts: Option<Vec<f64>> = inner.split(',').map(|part| part.trim().parse().ok()).collect();
+    match parts.unwrap_or_default()[..] {
         [x, y, yaw] if x.abs() <= 1e4 && y.abs() <= 1e4 && yaw == 0.0 => Ok([x, y]),
         _ => Err(SimError::file(path, "origin", found, "[x, y, 0] within 10000 m; a turned map is not read")),
     }
