@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use jostle_policy::PolicyFile;
+use jostle_policy::{PolicyFile, excerpt};
 use jostle_sim::SimConfig;
 
 use crate::error::EvalError;
@@ -53,7 +53,7 @@ impl LoadedPolicy {
     pub fn sim_config(&self) -> Result<SimConfig, EvalError> {
         let refuse = |found: String| EvalError::Setting {
             field: "metadata sim",
-            found: format!("{found} in {}", self.identity.name),
+            found: format!("{} in {}", excerpt(&found), self.identity.name),
             expected: "JSON of the simulator's settings".to_owned(),
         };
         let text = self.file.metadata.get("sim").ok_or_else(|| refuse("nothing".to_owned()))?;

@@ -29,6 +29,9 @@ fn a_file_is_known_by_its_bytes_and_its_provenance() {
     assert_eq!(policy.sim_config().unwrap(), sim);
     policy.file.metadata.insert("sim".to_owned(), r#"{"laser":{"beams":0}}"#.to_owned());
     assert!(policy.sim_config().is_err());
+    // Found by fuzzing: a long key was repeated whole.
+    policy.file.metadata.insert("sim".to_owned(), format!("{{\"{}\":0}}", "k".repeat(1 << 16)));
+    assert!(policy.sim_config().unwrap_err().to_string().len() < 1000);
     assert!(LoadedPolicy::load(&folder.path().join("none")).is_err());
 }
 

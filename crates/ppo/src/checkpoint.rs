@@ -169,7 +169,10 @@ fn keep_previous(path: &Path) -> Result<(), PpoError> {
     let _ = std::fs::remove_file(&link);
     // Not every file system has hard links; a copy does as well.
     std::fs::hard_link(path, &link).or_else(|_| std::fs::copy(path, &link).map(drop)).map_err(io)?;
-    std::fs::rename(&link, &previous).map_err(io)
+    std::fs::rename(&link, &previous).map_err(io)?;
+    // Where both are already the same file, as after a kill between this and the replacement, renaming does nothing.
+    let _ = std::fs::remove_file(&link);
+    Ok(())
 }
 
 fn open(path: &Path) -> Result<TensorFile, PpoError> {
