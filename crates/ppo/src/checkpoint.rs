@@ -196,8 +196,8 @@ fn json<T: serde::de::DeserializeOwned>(file: &TensorFile, name: &str) -> Result
         .map_err(|error| refuse(file.path(), name, error.to_string(), "JSON of this state".to_owned()))
 }
 
-fn refuse(path: &Path, field: &str, found: String, expected: String) -> PpoError {
-    let (field, found) = (excerpt(field), excerpt(&found));
+fn refuse(path: &Path, field: &str, found: impl Into<String>, expected: String) -> PpoError {
+    let (field, found) = (excerpt(field), excerpt(&found.into()));
     PpoError::Checkpoint { path: path.to_path_buf(), field, found, expected }
 }
 

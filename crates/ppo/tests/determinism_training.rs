@@ -54,7 +54,7 @@ fn parts(trainer: &mut Trainer, log: &str, folder: &Path) -> [String; PARTS.len(
         for name in file.names().filter(|name| name.starts_with(start)) {
             hash.update(file.raw(name).expect("listed").1);
         }
-        hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+        hash.finalize().iter().fold(String::new(), |text, byte| format!("{text}{byte:02x}"))
     })
 }
 

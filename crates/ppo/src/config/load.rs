@@ -60,7 +60,7 @@ impl Config {
             let argument = argument.as_ref();
             let path = apply(&mut table, argument)?;
             config = Self::deserialize(Value::Table(table.clone()))
-                .map_err(|error| translate(format!("--set {argument}"), &path.join("."), error.message()))?;
+                .map_err(|error| translate(&format!("--set {argument}"), &path.join("."), error.message()))?;
             set.push((path.join("."), argument));
         }
         config.validate().map_err(|error| source.locate(error, &set))?;
@@ -127,13 +127,13 @@ impl Source<'_> {
     /// Our words for an error of the TOML crate.
     fn explain(&self, error: &toml::de::Error) -> PpoError {
         let Some(span) = error.span() else {
-            return translate(self.label.to_owned(), "configuration", error.message());
+            return translate(self.label, "configuration", error.message());
         };
         let location = self.place(span.start);
         match DeTable::parse(self.text) {
             Ok(table) => {
                 let path = path_at(table.get_ref(), &span).unwrap_or_else(|| "configuration".to_owned());
-                translate(location, &path, error.message())
+                translate(&location, &path, error.message())
             }
             Err(_) => PpoError::Syntax { location, message: excerpt(&one_line(error.message())) },
         }
@@ -188,8 +188,8 @@ fn span_of(table: &DeTable<'_>, path: &str) -> Option<Range<usize>> {
 }
 
 /// Turns serde's sentence into field, found and expected.
-fn translate(location: String, path: &str, message: &str) -> PpoError {
-    let (location, path) = (excerpt(&location), excerpt(path));
+fn translate(location: &str, path: &str, message: &str) -> PpoError {
+    let (location, path) = (excerpt(location), excerpt(path));
     let config = |found: String, expected: String| PpoError::Config {
         location: location.clone(),
         field: path.clone(),
