@@ -13,11 +13,11 @@ use crate::PedsError;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "UPPERCASE")]
 pub enum CrowdKind {
-    /// Learned pedestrians that see the robot ("naive humans").
+    /// Learned pedestrians that see the robot ("non-homogeneous").
     Nh,
-    /// Learned pedestrians from whose scans the robot is removed ("inattentive").
+    /// Learned pedestrians from whose scans the robot is removed ("invisible").
     In,
-    /// As `In`, each pedestrian's speed multiplied by a factor drawn per episode ("various").
+    /// As `In`, each pedestrian's speed multiplied by a factor drawn per episode ("variability").
     Va,
     /// As `Nh`, each policy taken at half its training ("sub-optimal").
     So,
