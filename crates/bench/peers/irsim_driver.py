@@ -9,10 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-os.environ.setdefault("MPLBACKEND", "Agg")
-import irsim  # noqa: E402
-
-from rounds import serve  # noqa: E402
+from rounds import serve
 
 ROBOTS = 5
 
@@ -21,8 +18,11 @@ def main():
     threads = int(sys.argv[2])
     logging.disable(logging.CRITICAL)
     world = Path(__file__).with_name("irsim_room.yaml")
-    # IR-SIM reports on standard output; the protocol needs that for itself.
+    # IR-SIM reports on standard output, even while it is imported; the protocol needs that for itself.
     protocol, sys.stdout = sys.stdout, sys.stderr
+    os.environ.setdefault("MPLBACKEND", "Agg")
+    import irsim
+
     env = irsim.make(str(world), display=False, disable_all_plot=True, log_level="ERROR")
     step = 0
 

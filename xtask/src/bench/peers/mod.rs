@@ -58,19 +58,20 @@ pub(super) fn run(args: &PeersArgs) -> Result<()> {
     let mut unavailable = BTreeMap::new();
     let mut all = Vec::new();
     for contest in contests {
-        match installed.of(contest.peer) {
-            Ok(()) => {}
-            Err(reason) => {
-                let first = unavailable.insert(contest.peer, output::one_line(&reason)).is_none();
-                if first {
-                    output::note(&format!("{}: not measured: {reason:#}", contest.peer.name()));
+        // A peer that cannot be had or fails costs its rows, not those of the others.
+        match installed.of(contest.peer).and_then(|()| measure(contest, args.rounds, &installed)) {
+            Ok(measured) => {
+                output::note(&measured.line());
+                all.push(measured);
+            }
+            Err(error) => {
+                let reason = output::one_line(&error);
+                if unavailable.get(&contest.peer) != Some(&reason) {
+                    output::note(&format!("{}: not measured: {reason}", contest.peer.name()));
+                    unavailable.insert(contest.peer, reason);
                 }
-                continue;
             }
         }
-        let measured = measure(contest, args.rounds, &installed)?;
-        output::note(&measured.line());
-        all.push(measured);
     }
     if all.is_empty() {
         bail!("nothing was measured");
