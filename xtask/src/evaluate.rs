@@ -7,8 +7,6 @@ use std::process::ExitCode;
 use anyhow::{Context as _, Result, bail};
 use clap::Args;
 use jostle_eval::config::EvalConfig;
-use jostle_eval::crowds::Pools;
-use jostle_eval::loaded::LoadedPolicy;
 use jostle_eval::protocol::Protocol;
 use jostle_eval::report::{CellTiming, Evaluation, timings_csv};
 use jostle_peds::CrowdKind;
@@ -68,7 +66,7 @@ pub(crate) fn run(args: &EvaluateArgs) -> Result<ExitCode> {
         seed: args.seed,
         ..EvalConfig::default()
     };
-    let protocol = Protocol::new(config, pools(args, &crowds)?)?;
+    let protocol = Protocol::new(config, policies::pools(&args.pool, &args.pool_half, &crowds)?)?;
     let cell = |crowd| Cell { protocol: &protocol, policy: &policy, token: args.token, crowd };
     for &crowd in &crowds {
         cell(crowd).check()?;
@@ -87,22 +85,6 @@ pub(crate) fn run(args: &EvaluateArgs) -> Result<ExitCode> {
     store(args, &evaluation, &timings)?;
     output::result(&evaluation.text())?;
     Ok(ExitCode::SUCCESS)
-}
-
-/// The pedestrians' policies, as far as the crowds ask for them.
-fn pools(args: &EvaluateArgs, crowds: &[CrowdKind]) -> Result<Pools> {
-    let load = |paths: Vec<PathBuf>| {
-        paths.iter().map(|path| policies::load(path)).collect::<Result<Vec<LoadedPolicy>>>()
-    };
-    let full = policies::pool(&args.pool)?;
-    let half = if !args.pool_half.is_empty() {
-        policies::pool(&args.pool_half)?
-    } else if crowds.contains(&CrowdKind::So) {
-        policies::half_trained(&full)?
-    } else {
-        Vec::new()
-    };
-    Ok(Pools { full: load(full)?, half: load(half)? })
 }
 
 /// Writes the evaluation beside its records.

@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
+use jostle_eval::crowds::Pools;
 use jostle_eval::loaded::LoadedPolicy;
+use jostle_peds::CrowdKind;
 
 use crate::run_folder::{checkpoint_path, is_run_folder, latest_checkpoint};
 
@@ -83,4 +85,19 @@ fn sorted(folder: &Path) -> Result<Vec<PathBuf>> {
         entries.map(|entry| Ok(entry?.path())).collect::<Result<_>>().with_context(cannot_list)?;
     paths.sort();
     Ok(paths)
+}
+
+/// The pedestrians' policies, as far as the crowds ask for them: SO takes `half`, or the pool's own half-trained checkpoints.
+pub(crate) fn pools(full: &[PathBuf], half: &[PathBuf], crowds: &[CrowdKind]) -> Result<Pools> {
+    let load_all =
+        |paths: Vec<PathBuf>| paths.iter().map(|path| load(path)).collect::<Result<Vec<LoadedPolicy>>>();
+    let full = pool(full)?;
+    let half = if !half.is_empty() {
+        pool(half)?
+    } else if crowds.contains(&CrowdKind::So) {
+        half_trained(&full)?
+    } else {
+        Vec::new()
+    };
+    Ok(Pools { full: load_all(full)?, half: load_all(half)? })
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
-use sha2::{Digest as _, Sha256};
+use jostle_eval::identity::hex_sha256;
 
 /// Expected digests by full path; empty where there is no list.
 pub(crate) struct Sums(BTreeMap<PathBuf, String>);
@@ -26,7 +26,7 @@ impl Sums {
     pub(crate) fn verify(&self, path: &Path) -> Result<()> {
         let Some(expected) = self.0.get(path) else { return Ok(()) };
         let bytes = std::fs::read(path).context("cannot be read")?;
-        if &hex(&Sha256::digest(bytes)) != expected {
+        if &hex_sha256(&bytes) != expected {
             bail!("does not match its SHA-256 in SHA256SUMS");
         }
         Ok(())
@@ -37,13 +37,4 @@ impl Sums {
         let absent = self.0.keys().filter(|path| !path.exists());
         absent.map(|path| path.strip_prefix(folder).unwrap_or(path).display().to_string()).collect()
     }
-}
-
-/// Lower-case hexadecimal digits.
-fn hex(bytes: &[u8]) -> String {
-    use std::fmt::Write as _;
-    bytes.iter().fold(String::with_capacity(2 * bytes.len()), |mut text, byte| {
-        let _ = write!(text, "{byte:02x}");
-        text
-    })
 }

@@ -12,13 +12,13 @@ use std::process::ExitCode;
 
 use anyhow::{Context as _, Result, bail, ensure};
 use clap::{Args, ValueEnum};
+use jostle_eval::EpisodeOutcome;
 use jostle_eval::config::EvalConfig;
 use jostle_eval::crowds::{Pools, check_observation};
 use jostle_eval::protocol::Protocol;
 use jostle_eval::replay::{EpisodeTrace, trace_episodes};
 use jostle_eval::room::RoomPlan;
 use jostle_eval::site::polygons;
-use jostle_eval::{EpisodeOutcome, LoadedPolicy};
 use jostle_peds::CrowdKind;
 
 use self::driver::Driver;
@@ -225,16 +225,5 @@ fn pools(args: &ReplayArgs, crowds: &[CrowdKind]) -> Result<Pools> {
     {
         bail!("crowd {crowd} needs --pool: policies that drive its pedestrians; SF and VO need none");
     }
-    let load = |paths: Vec<PathBuf>| {
-        paths.iter().map(|path| policies::load(path)).collect::<Result<Vec<LoadedPolicy>>>()
-    };
-    let full = policies::pool(&args.pool)?;
-    let half = if !args.pool_half.is_empty() {
-        policies::pool(&args.pool_half)?
-    } else if crowds.contains(&CrowdKind::So) {
-        policies::half_trained(&full)?
-    } else {
-        Vec::new()
-    };
-    Ok(Pools { full: load(full)?, half: load(half)? })
+    policies::pools(&args.pool, &args.pool_half, crowds)
 }
