@@ -43,6 +43,9 @@ pub struct NetworkConfig {
     pub n_behaviours: usize,
     /// Length of a behaviour's embedding (paper: 32).
     pub embedding: usize,
+    /// Standard deviation of the embeddings at the start (PyTorch's default: 1). Larger values make the behaviours differ
+    /// more from the first update on.
+    pub embedding_std: f32,
     /// Length of the laser feature behind the convolutions (paper: 256).
     pub laser_feature: usize,
     /// Length of the last hidden layer (paper: 128).
@@ -58,6 +61,7 @@ impl Default for NetworkConfig {
             beams: BEAMS,
             n_behaviours: 5,
             embedding: 32,
+            embedding_std: 1.0,
             laser_feature: 256,
             hidden: 128,
             log_std_init: 0.0,
@@ -66,7 +70,8 @@ impl Default for NetworkConfig {
 }
 
 impl NetworkConfig {
-    /// Refuses sizes of 0, sizes that no machine can hold, and a `log_std_init` that is not finite.
+    /// Refuses sizes of 0, sizes that no machine can hold, an `embedding_std` that is negative or not finite, and a
+    /// `log_std_init` that is not finite.
     ///
     /// # Errors
     ///
@@ -86,6 +91,11 @@ impl NetworkConfig {
                 let expected = format!("{least} to {SIZE_MAX}");
                 return Err(PolicyError::Config { field, found: found.to_string(), expected });
             }
+        }
+        if !(self.embedding_std.is_finite() && self.embedding_std >= 0.0) {
+            let found = self.embedding_std.to_string();
+            let expected = "a finite number ≥ 0".to_owned();
+            return Err(PolicyError::Config { field: "embedding_std", found, expected });
         }
         if !self.log_std_init.is_finite() {
             let found = self.log_std_init.to_string();
@@ -168,6 +178,8 @@ mod tests {
         check(NetworkConfig { beams: 2, ..good.clone() }, "beams: found 2");
         check(NetworkConfig { hidden: usize::MAX, ..good.clone() }, "hidden");
         check(NetworkConfig { laser_feature: 1 << 16, beams: 1 << 16, ..good.clone() }, "sizes");
+        check(NetworkConfig { embedding_std: -1.0, ..good.clone() }, "embedding_std: found -1");
+        check(NetworkConfig { embedding_std: f32::INFINITY, ..good.clone() }, "embedding_std");
         check(NetworkConfig { log_std_init: f32::NAN, ..good }, "log_std_init");
     }
 }

@@ -18,8 +18,11 @@ pub enum Init {
         /// Inputs of one output.
         fan_in: usize,
     },
-    /// Standard normal: PyTorch's default for embeddings.
-    Normal,
+    /// Normal with mean 0; a standard deviation of 1 is PyTorch's default for embeddings.
+    Normal {
+        /// Standard deviation.
+        std: f32,
+    },
     /// One value everywhere.
     Constant(f32),
 }
@@ -99,7 +102,8 @@ impl Layout {
         layout.push_conv("conv1", config.frames, CONV_CHANNELS, CONV1_KERNEL);
         layout.push_conv("conv2", CONV_CHANNELS, CONV_CHANNELS, CONV2_KERNEL);
         layout.push_linear("fc1", config.flat_len(), config.laser_feature);
-        layout.push("embedding.weight", &[config.n_behaviours, config.embedding], Init::Normal);
+        let init = Init::Normal { std: config.embedding_std };
+        layout.push("embedding.weight", &[config.n_behaviours, config.embedding], init);
         layout.push_linear("fc2", config.concat_len(), config.hidden);
         layout
     }
@@ -184,7 +188,7 @@ mod tests {
     #[should_panic(expected = "holds fc already")]
     fn a_name_is_given_once() {
         let mut layout = Layout::new();
-        layout.push("fc", &[1], Init::Normal);
-        layout.push("fc", &[2], Init::Normal);
+        layout.push("fc", &[1], Init::Constant(0.0));
+        layout.push("fc", &[2], Init::Constant(0.0));
     }
 }

@@ -28,7 +28,7 @@ pub struct Parameters {
 impl Parameters {
     /// Fresh parameters, drawn tensor by tensor in the layout's order from one host generator.
     ///
-    /// Weights and biases are uniform in ±1/√`fan_in`, embeddings standard normal, `log_std` constant. Draws are made
+    /// Weights and biases are uniform in ±1/√`fan_in`, embeddings normal, `log_std` constant. Draws are made
     /// here and not by candle, whose CPU generator cannot be seeded.
     pub fn init(layout: impl Into<Arc<Layout>>, rng: &mut impl Rng) -> Self {
         let layout = layout.into();
@@ -41,8 +41,9 @@ impl Parameters {
                         Uniform::new(-bound, bound).expect("a positive fan-in gives a finite bound");
                     flat.extend((0..entry.len()).map(|_| uniform.sample(rng)));
                 }
-                Init::Normal => {
-                    flat.extend((0..entry.len()).map(|_| -> f32 { StandardNormal.sample(rng) }));
+                Init::Normal { std } => {
+                    let mut draw = || -> f32 { StandardNormal.sample(rng) };
+                    flat.extend((0..entry.len()).map(|_| std * draw()));
                 }
                 Init::Constant(value) => flat.extend(std::iter::repeat_n(value, entry.len())),
             }

@@ -21,6 +21,17 @@ fn the_same_seed_gives_the_same_bits() {
 }
 
 #[test]
+fn embeddings_have_the_spread_asked_for_and_nothing_else_moves() {
+    let config = NetworkConfig { log_std_init: -0.5, embedding_std: 3.0, ..NetworkConfig::default() };
+    let (wide, usual) = (Parameters::actor(&config, &mut ChaCha8Rng::seed_from_u64(3)), actor(3));
+    for entry in usual.layout().entries() {
+        let factor = if entry.name == "embedding.weight" { 3.0 } else { 1.0 };
+        let expected: Vec<f32> = usual.get(&entry.name).unwrap().iter().map(|value| factor * value).collect();
+        assert_eq!(wide.get(&entry.name), Some(&expected[..]), "{}", entry.name);
+    }
+}
+
+#[test]
 fn tensors_are_filled_as_pytorch_fills_them() {
     let parameters = actor(3);
     for entry in parameters.layout().entries() {
@@ -36,7 +47,10 @@ fn tensors_are_filled_as_pytorch_fills_them() {
                     assert!((ratio - 1.0).abs() < 0.05, "{}: {ratio}", entry.name);
                 }
             }
-            Init::Normal => assert!((mean_square - 1.0).abs() < 0.5, "{}: {mean_square}", entry.name),
+            Init::Normal { std } => {
+                let ratio = mean_square / f64::from(std * std);
+                assert!((ratio - 1.0).abs() < 0.5, "{}: {ratio}", entry.name);
+            }
             Init::Constant(value) => assert_eq!(values, [value; 2]),
         }
     }

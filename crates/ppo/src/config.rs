@@ -96,6 +96,9 @@ pub struct Config {
 pub struct NetworkSection {
     /// Length of a behaviour's embedding; ≥ 1. Default 32 (paper).
     pub embedding: usize,
+    /// Standard deviation of the embeddings at the start; ≥ 0. Default 1 (PyTorch's): how far apart the behaviours are
+    /// before anything is learned.
+    pub embedding_std: f32,
     /// Length of the laser feature; ≥ 1. Default 256 (lineage).
     pub laser_feature: usize,
     /// Length of the last hidden layer; ≥ 1. Default 128 (lineage).
@@ -106,8 +109,9 @@ pub struct NetworkSection {
 
 impl Default for NetworkSection {
     fn default() -> Self {
-        let NetworkConfig { embedding, laser_feature, hidden, log_std_init, .. } = NetworkConfig::default();
-        Self { embedding, laser_feature, hidden, log_std_init }
+        let NetworkConfig { embedding, embedding_std, laser_feature, hidden, log_std_init, .. } =
+            NetworkConfig::default();
+        Self { embedding, embedding_std, laser_feature, hidden, log_std_init }
     }
 }
 
@@ -164,6 +168,7 @@ impl Config {
             embedding: self.network.embedding,
             laser_feature: self.network.laser_feature,
             hidden: self.network.hidden,
+            embedding_std: self.network.embedding_std,
             log_std_init: self.network.log_std_init,
         }
     }
