@@ -79,6 +79,8 @@ pub struct Trainer {
     /// Transitions seen.
     pub(crate) transitions: u64,
     rollout: Rollout,
+    /// Means of the present step's actions, one for each agent.
+    means: Vec<[f32; 2]>,
     /// Rows [observation | action] of the rollout, for `q_state_action`.
     state_action: Vec<f32>,
     pool: Arc<ThreadPool>,
@@ -119,6 +121,7 @@ impl Trainer {
             q_state_action,
             q_state,
             rollout: Rollout::new(config.horizon, config.agents_total(), width),
+            means: vec![[0.0; 2]; config.agents_total()],
             state_action: Vec::new(),
             commit: "unknown".to_owned(),
             update: 0,
@@ -232,12 +235,11 @@ impl Trainer {
     fn act(&mut self, step: u64, clock: &mut Clock) -> Result<(), PpoError> {
         let begin = Instant::now();
         self.rollout.push_observations(&self.rooms, self.update)?;
-        let mut means = vec![[0.0_f32; 2]; self.config.agents_total()];
-        self.actor.network.infer(self.rollout.present(), means.as_flattened_mut());
+        self.actor.network.infer(self.rollout.present(), self.means.as_flattened_mut());
         let log_std = self.actor.log_std();
         let mut rng = self.streams.stream("action", &[self.update, step]);
         let first = self.rollout.actions.len();
-        for (agent, &mean) in means.iter().enumerate() {
+        for (agent, &mean) in self.means.iter().enumerate() {
             let policy = DiagonalGaussian { mean, log_std };
             let action = policy.sample(&mut rng);
             if action.iter().any(|a| !a.is_finite()) {

@@ -8,7 +8,7 @@
 use super::conv::{ConvParts, Convolutions};
 use super::network::{FastNetwork, Pool, Scratch};
 use crate::config::CONV2_KERNEL;
-use crate::kernels::{BLOCK, Chunks, Finish, Grid, HALF, PANEL, map_parts};
+use crate::kernels::{BLOCK, Chunks, Finish, Grid, HALF, PANEL, for_each_piece};
 use crate::observation::TAIL_LEN;
 
 /// Floats between the rows of a chunk's gradient beyond its features, so that rows do not share sets of the cache.
@@ -38,22 +38,16 @@ impl FastNetwork {
         memory.partial.reserve_len(chunks.count * partial_len);
         let (x, concat, h) = (&memory.x[..], &memory.concat[..], &memory.hidden[..]);
         let (scans, outputs, tokens) = (&memory.scans[..], &memory.outputs[..], &memory.tokens[..]);
-        let parts: Vec<_> = (0..chunks.count)
-            .zip(memory.d_y.chunks_mut(padded))
-            .zip(memory.d_hidden.chunks_mut(hidden))
-            .zip(memory.d_feature.chunks_mut(feature))
-            .zip(memory.partial.chunks_mut(partial_len))
-            .map(|((((chunk, d_y), d_hidden), d_feature), partial)| BackwardPart {
-                chunk,
-                d_y,
-                d_hidden,
-                d_feature,
-                partial,
-            })
-            .collect();
         let kept = Kept { scans, x, concat, hidden: h, outputs, tokens, d_outputs };
         let pool: &Pool = &self.pool;
-        map_parts(parts, |part| {
+        let slices = [
+            (&mut memory.d_y[..], padded),
+            (&mut memory.d_hidden[..], hidden),
+            (&mut memory.d_feature[..], feature),
+            (&mut memory.partial[..], partial_len),
+        ];
+        for_each_piece(chunks.count, slices, &|chunk, [d_y, d_hidden, d_feature, partial]| {
+            let part = BackwardPart { chunk, d_y, d_hidden, d_feature, partial };
             pool.with(&self.conv, |scratch| self.chunk_backward(chunks, &kept, part, scratch));
         });
 

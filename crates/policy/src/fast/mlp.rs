@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::permutation::Permutation;
-use crate::kernels::{AlignedVec, BLOCK, Chunks, Finish, Forward, Grid, Head, Isa, Linear, map_parts};
+use crate::kernels::{AlignedVec, BLOCK, Chunks, Finish, Forward, Grid, Head, Isa, Linear, for_each_piece};
 use crate::{Batch, Layout, Network, Parameters, PolicyError};
 
 /// inputs → hidden (ReLU) → hidden (ReLU) → outputs, with tensors `fc1`, `fc2` and `out`.
@@ -165,14 +165,16 @@ impl Network for Mlp {
         memory.h1.reserve_len(chunks.count * h);
         memory.h2.reserve_len(chunks.count * h);
         memory.y.reserve_len(chunks.count * y);
-        let parts: Vec<_> = (0..chunks.count)
-            .zip(memory.x.chunks_mut(x).zip(memory.h1.chunks_mut(h)))
-            .zip(memory.h2.chunks_mut(h).zip(memory.y.chunks_mut(y)))
-            .zip(outputs.chunks_mut(chunks.size * n_outputs))
-            .collect();
         let (isa, p, [(w1, b1), (w2, b2)]) = (self.isa, &self.parameters[..], self.at);
         let (fc1, fc2, out) = (&self.fc1, &self.fc2, &self.out);
-        map_parts(parts, |(((chunk, (x, h1)), (h2, y)), outputs)| {
+        let slices = [
+            (&mut memory.x[..], x),
+            (&mut memory.h1[..], h),
+            (&mut memory.h2[..], h),
+            (&mut memory.y[..], y),
+            (outputs, chunks.size * n_outputs),
+        ];
+        for_each_piece(chunks.count, slices, &|chunk, [x, h1, h2, y, outputs]| {
             let (rows, first) = (chunks.rows(chunk), chunks.first(chunk));
             for row in 0..rows {
                 chunks.write_row(x, row, 0, batch.observation(first + row, fc1.inputs()));
@@ -204,14 +206,12 @@ impl Network for Mlp {
         d_h1.reserve_len(chunks.count * h);
         d_h2.reserve_len(chunks.count * h);
         d_y.reserve_len(chunks.count * y);
-        let parts: Vec<_> = (0..chunks.count)
-            .zip(h1.chunks(h).zip(h2.chunks(h)))
-            .zip(d_h1.chunks_mut(h).zip(d_h2.chunks_mut(h)))
-            .zip(d_y.chunks_mut(y).zip(d_outputs.chunks(chunks.size * n_outputs)))
-            .collect();
         let (fc2, out, transposed2) = (&self.fc2, &self.out, &self.transposed2);
-        map_parts(parts, |(((chunk, (h1, h2)), (d_h1, d_h2)), (d_y, d_outputs))| {
+        let slices = [(&mut d_h1[..], h), (&mut d_h2[..], h), (&mut d_y[..], y)];
+        for_each_piece(chunks.count, slices, &|chunk, [d_h1, d_h2, d_y]| {
             let (rows, stride) = (chunks.rows(chunk), chunks.block_stride());
+            let (h1, h2) = (&h1[chunk * h..], &h2[chunk * h..]);
+            let d_outputs = &d_outputs[chunks.first(chunk) * n_outputs..][..rows * n_outputs];
             d_y.fill(0.0);
             for (row, d_outputs) in d_outputs.chunks_exact(n_outputs).enumerate() {
                 chunks.write_row(d_y, row, 0, d_outputs);

@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex};
 use super::conv::{ConvParts, ConvScratch, Convolutions, TRANSPOSED2_LEN};
 use super::permutation::Permutation;
 use crate::config::{CONV1_KERNEL, CONV2_KERNEL};
-use crate::kernels::{AlignedVec, BLOCK, Chunks, Forward, Head, Isa, Linear, PANEL, map_parts};
+use crate::kernels::{AlignedVec, BLOCK, Chunks, Forward, Head, Isa, Linear, PANEL, for_each_piece};
 use crate::observation::TAIL_LEN;
 use crate::{Batch, Layout, Network, NetworkConfig, Parameters, PolicyError};
 
@@ -230,23 +230,6 @@ impl FastNetwork {
         memory.tokens.clear();
         memory.tokens.extend((0..batch.len()).map(|row| batch.token(row)));
 
-        let parts: Vec<_> = (0..chunks.count)
-            .zip(memory.scans.chunks_mut(chunks.size * self.conv.scans_len()))
-            .zip(memory.x.chunks_mut(chunks.chunk_len(self.fc1.inputs())))
-            .zip(memory.concat.chunks_mut(chunks.chunk_len(self.fc2.inputs())))
-            .zip(memory.hidden.chunks_mut(chunks.chunk_len(self.fc2.outputs())))
-            .zip(memory.y.chunks_mut(chunks.chunk_len(self.head.padded())))
-            .zip(memory.outputs.chunks_mut(chunks.size * n_outputs))
-            .map(|((((((chunk, scans), x), concat), hidden), y), outputs)| ForwardPart {
-                chunk,
-                scans,
-                x,
-                concat,
-                hidden,
-                y,
-                outputs,
-            })
-            .collect();
         let model = Model {
             isa: self.isa,
             config: &self.config,
@@ -259,7 +242,21 @@ impl FastNetwork {
             at: &self.at,
         };
         let pool = &self.pool;
-        map_parts(parts, |part| {
+        let [x_len, concat_len, hidden_len, y_len] =
+            [self.fc1.inputs(), self.fc2.inputs(), self.fc2.outputs(), self.head.padded()]
+                .map(|features| chunks.chunk_len(features));
+        let scans_len = chunks.size * self.conv.scans_len();
+        let Memory { scans, x, concat, hidden, y, outputs, .. } = memory;
+        let slices = [
+            (&mut scans[..], scans_len),
+            (&mut x[..], x_len),
+            (&mut concat[..], concat_len),
+            (&mut hidden[..], hidden_len),
+            (&mut y[..], y_len),
+            (&mut outputs[..], chunks.size * n_outputs),
+        ];
+        for_each_piece(chunks.count, slices, &|chunk, [scans, x, concat, hidden, y, outputs]| {
+            let part = ForwardPart { chunk, scans, x, concat, hidden, y, outputs };
             pool.with(model.conv, |scratch| model.forward(batch, &chunks, part, &mut scratch.conv));
         });
         chunks

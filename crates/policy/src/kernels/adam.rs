@@ -16,7 +16,7 @@
 //! Kingma and Ba, "Adam: a method for stochastic optimization", ICLR 2015, arXiv:1412.6980, algorithm 1.
 
 use super::isa::Level;
-use super::{Isa, map_parts};
+use super::{Isa, for_each_piece};
 
 /// Constants of one step.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -84,19 +84,18 @@ pub fn adam_step(
         parameters.len()
     );
     let factors = step.factors();
-    let parts: Vec<_> = parameters
-        .chunks_mut(PART)
-        .zip(gradient.chunks(PART))
-        .zip(m.chunks_mut(PART).zip(v.chunks_mut(PART)))
-        .collect();
-    map_parts(parts, |((parameters, gradient), (m, v))| match isa.0 {
-        // SAFETY: an `Isa` exists only where the processor has it.
-        #[cfg(target_arch = "x86_64")]
-        Level::Avx512 => unsafe { avx512(parameters, gradient, m, v, &factors) },
-        // SAFETY: as above.
-        #[cfg(target_arch = "x86_64")]
-        Level::Avx2 => unsafe { avx2(parameters, gradient, m, v, &factors) },
-        _ => plain(parameters, gradient, m, v, &factors),
+    let count = gradient.len().div_ceil(PART);
+    for_each_piece(count, [(parameters, PART), (m, PART), (v, PART)], &|part, [parameters, m, v]| {
+        let gradient = &gradient[part * PART..][..parameters.len()];
+        match isa.0 {
+            // SAFETY: an `Isa` exists only where the processor has it.
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx512 => unsafe { avx512(parameters, gradient, m, v, &factors) },
+            // SAFETY: as above.
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx2 => unsafe { avx2(parameters, gradient, m, v, &factors) },
+            _ => plain(parameters, gradient, m, v, &factors),
+        }
     });
 }
 

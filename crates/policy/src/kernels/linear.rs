@@ -17,7 +17,7 @@
 use super::blocked::{BLOCK, Chunks};
 use super::outer::{Count, Steps, outer_products};
 use super::rows::{Finish, Grid, PANEL, Start, Strips, rows_times_panel};
-use super::{Isa, map_parts};
+use super::{Isa, for_each_piece};
 
 /// Inputs of a group.
 const GROUP: usize = 256;
@@ -56,6 +56,11 @@ impl Linear {
     /// Number of weights.
     pub fn weights(&self) -> usize {
         self.inputs * self.outputs
+    }
+
+    /// Number of groups of inputs.
+    fn groups(&self) -> usize {
+        self.inputs.div_ceil(GROUP)
     }
 
     /// Where the weight from an input to an output stands.
@@ -128,11 +133,10 @@ impl Linear {
     /// Writes the transpose, `[inputs / 32][outputs][32 inputs of the panel]`.
     pub fn transpose(&self, isa: Isa, weights: &[f32], transposed: &mut [f32]) {
         let transposed = &mut transposed[..self.transposed_len()];
-        let groups: Vec<_> = weights[..self.weights()]
-            .chunks(GROUP * self.outputs)
-            .zip(transposed.chunks_mut(GROUP * self.outputs))
-            .collect();
-        map_parts(groups, |(weights, transposed)| {
+        let (weights, group_len) = (&weights[..self.weights()], GROUP * self.outputs);
+        for_each_piece(self.groups(), [(transposed, group_len)], &|group, [transposed]| {
+            let weights = &weights[group * group_len..];
+            let weights = &weights[..group_len.min(weights.len())];
             let inputs = weights.len() / self.outputs;
             for (q, transposed) in transposed.chunks_exact_mut(PANEL * self.outputs).enumerate() {
                 let rows = PANEL.min(inputs - q * PANEL);
@@ -171,16 +175,10 @@ impl Linear {
     ///
     /// Work is divided by groups of inputs; the sum over the batch is in one order for each weight.
     pub fn weight_gradient(&self, isa: Isa, chunks: &Chunks, x: &[f32], dy: &[f32], gradient: &mut [f32]) {
-        let groups: Vec<_> =
-            gradient[..self.weights()].chunks_mut(GROUP * self.outputs).enumerate().collect();
-        map_parts(groups, |(group, gradient)| {
-            self.group_gradient(
-                isa,
-                chunks,
-                &x[group * (GROUP / BLOCK) * chunks.block_stride()..],
-                dy,
-                gradient,
-            );
+        let gradient = &mut gradient[..self.weights()];
+        for_each_piece(self.groups(), [(gradient, GROUP * self.outputs)], &|group, [gradient]| {
+            let x = &x[group * (GROUP / BLOCK) * chunks.block_stride()..];
+            self.group_gradient(isa, chunks, x, dy, gradient);
         });
     }
 

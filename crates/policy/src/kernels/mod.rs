@@ -14,8 +14,6 @@
 
 #![allow(unsafe_code)] // Vector intrinsics; see above.
 
-use rayon::prelude::*;
-
 pub mod adam;
 pub mod aligned;
 #[cfg(target_arch = "x86_64")]
@@ -27,6 +25,7 @@ pub mod head;
 pub mod isa;
 pub mod linear;
 pub mod outer;
+mod pieces;
 pub mod rows;
 mod tile;
 mod transpose;
@@ -41,15 +40,5 @@ pub use head::Head;
 pub use isa::Isa;
 pub use linear::{Forward, Linear};
 pub use outer::{Count, Steps, outer_products};
+pub(crate) use pieces::for_each_piece;
 pub use rows::{Finish, Grid, HALF, PANEL, Start, Strips, rows_times_panel};
-
-/// Does all parts, on several threads if there is more than one part.
-///
-/// A single part stays on the calling thread: handing it over would cost more than a small inference.
-pub(crate) fn map_parts<T: Send>(parts: Vec<T>, work: impl Fn(T) + Sync + Send) {
-    if parts.len() == 1 {
-        parts.into_iter().for_each(work);
-    } else {
-        parts.into_par_iter().for_each(work);
-    }
-}
