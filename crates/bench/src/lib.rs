@@ -1,8 +1,8 @@
 //! Shared workloads: what the criterion benches and `cargo xtask bench` time, so that both time the same.
 //!
 //! Reading order: [`clock`] (how seconds are taken), the workloads [`learners`] ("work U"), [`scenes`] (the simulator),
-//! [`crowds`] (ORCA, social force) and [`evaluation`]; [`products`] (the largest layer by itself), [`rates`] (what the machine can do); [`peer_work`] (the workloads
-//! that other software does, too). The other software's drivers stand in `peers/`.
+//! [`rollouts`] (simulator and actor together), [`crowds`] (ORCA, social force) and [`evaluation`]; [`products`] (the
+//! largest layer by itself), [`rates`] (what the machine can do); [`peer_work`] (the workloads that other software does, too). The other software's drivers stand in `peers/`.
 //!
 //! Architecture invariant: nothing here is needed for a result; the clock is read here and nowhere below.
 
@@ -16,6 +16,7 @@ pub mod learners;
 pub mod peer_work;
 pub mod products;
 pub mod rates;
+pub mod rollouts;
 pub mod scenes;
 
 pub use clock::{Round, Stopwatch, median};

@@ -1,11 +1,13 @@
 //! `cargo xtask bench`: what the figures of `docs/performance.md` are made by.
 //!
-//! Reading order: [`machine`] (under what conditions), [`update`], [`simulator`] and [`evaluation`] (ours alone), [`peers`]
+//! Reading order: [`machine`] (under what conditions), [`update`], [`simulator`], [`rollout`]
+//! and [`evaluation`] (ours alone), [`peers`]
 //! (ours and other software, taking turns), [`worker`] (our side of that).
 
 mod evaluation;
 mod machine;
 mod peers;
+mod rollout;
 mod simulator;
 mod table;
 mod update;
@@ -31,6 +33,8 @@ enum What {
     Update(update::UpdateArgs),
     /// Agent-steps per second of the simulator.
     Simulator(simulator::SimulatorArgs),
+    /// Inference and simulation in turn, or overlapped.
+    Rollout(rollout::RolloutArgs),
     /// How long cells of a table take.
     Evaluation(evaluation::EvaluationArgs),
     /// Ours and other software on the same work, taking turns: PyTorch, IR-SIM, VMAS, RVO2, Stage.
@@ -45,6 +49,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<ExitCode> {
     match &args.what {
         What::Update(args) => update::run(args),
         What::Simulator(args) => simulator::run(args),
+        What::Rollout(args) => rollout::run(args),
         What::Evaluation(args) => evaluation::run(args),
         What::Peers(args) => peers::run(args),
         What::Worker(args) => worker::run(args),

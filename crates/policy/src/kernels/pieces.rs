@@ -54,8 +54,12 @@ mod tests {
         for (count, len) in [(0, 0), (1, 3), (4, 12), (5, 14), (7, 20)] {
             let (mut a, mut b) = (vec![0.0; len], vec![0.0; 2 * count]);
             for_each_piece(count, [(&mut a, 3), (&mut b, 2)], &|idx, [a, b]| {
-                a.iter_mut().for_each(|value| *value += 1.0 + idx as f32);
-                b.iter_mut().for_each(|value| *value -= 1.0 + idx as f32);
+                for value in a {
+                    *value += 1.0 + idx as f32;
+                }
+                for value in b {
+                    *value -= 1.0 + idx as f32;
+                }
             });
             let expected = |idx: usize| 1.0 + idx as f32;
             assert!(
