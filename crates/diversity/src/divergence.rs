@@ -125,6 +125,33 @@ mod tests {
         assert!(BehaviourActions::new(&[0.0; 4], &[0.0; 4], 0, 2).is_err());
     }
 
+    #[test]
+    fn a_refusal_names_the_length_that_would_fit() {
+        let refused = |mean: usize, log_std: usize| match BehaviourActions::new(
+            &vec![0.0; mean],
+            &vec![0.0; log_std],
+            3,
+            2,
+        ) {
+            Err(DiversityError::Shape { name, expected, found }) => (name, expected, found),
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(refused(13, 13), ("mean", 12, 13));
+        assert_eq!(refused(5, 5), ("mean", 6, 5));
+        assert_eq!(refused(12, 6), ("log_std", 12, 6));
+    }
+
+    #[test]
+    fn two_states_three_behaviours_by_hand() {
+        // One dimension, σ = 1: KL is half the squared distance of the means. Distances 1, 3, 2
+        // and then 2, 0, 2, of which the means are (½ + 2)/2, (4½ + 0)/2 and (2 + 2)/2.
+        let mean = [0.0, 1.0, 3.0, 0.0, 2.0, 0.0];
+        let actions = BehaviourActions::new(&mean, &[0.0; 6], 3, 1).unwrap();
+        let (ab, ac, bc) = (1.25, 2.25, 2.0);
+        assert_eq!(actions.pairwise(), [0.0, ab, ac, ab, 0.0, bc, ac, bc, 0.0]);
+        assert!((actions.diversity() - 2.0 * (ab + ac + bc) / 6.0).abs() < 1e-15);
+    }
+
     proptest! {
         #[test]
         fn divergence_is_not_negative_and_zero_only_for_equals(

@@ -229,4 +229,29 @@ mod tests {
         assert_eq!(MeanStd::of(&[1.0, 3.0]), MeanStd { mean: Some(2.0), std: Some(2.0_f64.sqrt()) });
         assert_eq!(Summary::of(1.0, []).success_rate, None);
     }
+    #[test]
+    fn a_success_without_a_step_has_no_speed() {
+        let metrics = EpisodeMetrics::from_totals(&SCALE, EpisodeOutcome::Success, 0, 0.0, 0.5);
+        assert_eq!((metrics.extra_time, metrics.extra_distance), (Some(0.0), Some(0.0)));
+        assert_eq!(metrics.average_speed, None);
+    }
+
+    #[test]
+    fn the_check_bears_rounding_and_nothing_more() {
+        let episode = |excess| EpisodeMetrics {
+            extra_time: Some(0.0),
+            extra_distance: Some(excess),
+            ..EpisodeMetrics::from_totals(&SCALE, EpisodeOutcome::Success, 1, 1.0, 1.0)
+        };
+        let check = |excesses: &[f64]| {
+            let episodes: Vec<_> = excesses.iter().map(|excess| episode(*excess)).collect();
+            Summary::of(2.0, episodes.iter().map(|e| (EpisodeOutcome::Success, e))).distance_check
+        };
+        let bearable = check(&[DistanceCheck::TOLERANCE, -3.0]);
+        assert_eq!(bearable, DistanceCheck { worst: Some(DistanceCheck::TOLERANCE), violations: 0 });
+        assert!(bearable.holds());
+        let broken = check(&[0.0, 1.0, 0.5]);
+        assert_eq!(broken, DistanceCheck { worst: Some(1.0), violations: 2 });
+        assert!(!broken.holds());
+    }
 }

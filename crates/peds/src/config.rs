@@ -118,4 +118,31 @@ mod tests {
         let config = CrowdsConfig { speed_factor: [1.5, 0.5], ..CrowdsConfig::default() };
         assert!(config.validate().is_err());
     }
+    #[test]
+    fn every_part_is_checked() {
+        let config = CrowdsConfig::default();
+        let learned =
+            |v_max, w_max| CrowdsConfig { learned: LearnedConfig { v_max, w_max }, ..config.clone() };
+        assert_eq!(learned(100.0, 100.0).validate(), Ok(()));
+        let orca = OrcaConfig { robot_radius: -1.0, ..config.orca };
+        let social_force = SocialForceConfig { tau: 0.0, ..config.social_force };
+        for bad in [
+            learned(-1.0, 1.0),
+            learned(1.0, 101.0),
+            CrowdsConfig { orca, ..config.clone() },
+            CrowdsConfig { social_force, ..config.clone() },
+            CrowdsConfig { speed_factor: [-0.5, 1.0], ..config.clone() },
+        ] {
+            assert!(bad.validate().is_err(), "{bad:?}");
+        }
+    }
+
+    #[test]
+    fn sf_draws_where_its_desired_speed_is_a_distribution() {
+        let mut config = CrowdsConfig::default();
+        config.social_force.desired_speed = crate::social_force::DesiredSpeed::HELBING;
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        let factors: Vec<f32> = (0..50).map(|_| config.draw_speed_factor(CrowdKind::Sf, &mut rng)).collect();
+        assert!(factors.iter().any(|f| *f > 1.1) && factors.iter().any(|f| *f < 0.9), "{factors:?}");
+    }
 }

@@ -205,4 +205,26 @@ mod tests {
         assert_eq!(lengths, [2, 0, 3]);
         assert!(check_motions(&rooms, &motions[..4]).is_err());
     }
+    #[test]
+    fn four_crowds_learn() {
+        let learned: Vec<&str> =
+            CrowdKind::ALL.into_iter().filter(|kind| kind.is_learned()).map(CrowdKind::name).collect();
+        assert_eq!(learned, ["NH", "IN", "VA", "SO"]);
+    }
+
+    #[test]
+    fn factors_are_one_unless_given_and_one_for_each() {
+        let someone =
+            Pedestrian { position: Vec2::ZERO, velocity: Vec2::ZERO, heading: 0.0, goal: Vec2::ZERO };
+        let crowd = [someone; 2];
+        let check = |speed_factor: &[f32]| {
+            let room = RoomView { pedestrians: &crowd, others: &[], observations: &[], speed_factor };
+            room.check_factors().map(|()| [room.factor(0), room.factor(1)])
+        };
+        assert_eq!(check(&[]), Ok([1.0, 1.0]));
+        assert_eq!(check(&[0.0, 100.0]), Ok([0.0, 100.0]));
+        for bad in [&[1.0][..], &[1.0; 3], &[1.0, -0.1], &[100.1, 1.0], &[1.0, f32::NAN]] {
+            assert!(check(bad).is_err(), "{bad:?}");
+        }
+    }
 }

@@ -95,3 +95,26 @@ pub(crate) fn require(
 ) -> Result<(), PedsError> {
     if ok { Ok(()) } else { Err(PedsError::OutOfRange { field, found, expected }) }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    use glam::Vec2;
+
+    #[test]
+    fn coordinates_are_checked_to_the_limit_one_by_one() {
+        let ok = |x, y| checked("point", Vec2::new(x, y)).is_ok();
+        assert!(ok(MAGNITUDE_LIMIT, -MAGNITUDE_LIMIT));
+        assert!(!ok(1.001 * MAGNITUDE_LIMIT, 0.0) && !ok(0.0, -1.001 * MAGNITUDE_LIMIT));
+        assert!(!ok(f32::NAN, 0.0) && !ok(0.0, f32::NAN));
+    }
+
+    #[test]
+    fn messages_name_what_was_found_and_expected() {
+        let found = checked("goal", Vec2::new(2e6, 0.0)).unwrap_err().to_string();
+        assert_eq!(found, "goal is (2000000, 0); expected finite components of magnitude at most 1e6");
+        let found = require(false, "tau", 0.0, "0.001 to 1000 s").unwrap_err().to_string();
+        assert_eq!(found, "tau = 0; expected 0.001 to 1000 s");
+    }
+}

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::Vec2;
 use jostle_peds::{
-    Crowd, Motion, Pedestrian, RoomView, Visibility,
+    Crowd, CrowdKind, Motion, Pedestrian, RoomView, Visibility,
     orca::{Obstacles, OrcaConfig, OrcaCrowd},
     social_force::{Border, DesiredSpeed, SocialForceConfig, SocialForceCrowd},
 };
@@ -154,4 +154,22 @@ fn bad_views_are_refused() {
             assert!(!check(&people[..1], &[Pedestrian { position: bad, ..people[1] }], 1));
         }
     }
+}
+
+#[test]
+fn the_pure_crowds_say_what_they_are() {
+    let crowds = crowds_in(&[room()], Visibility::ALL);
+    let kinds: Vec<CrowdKind> = crowds.iter().map(|crowd| crowd.kind()).collect();
+    assert_eq!(kinds, [CrowdKind::Vo, CrowdKind::Sf]);
+    assert!(crowds.iter().all(|crowd| !crowd.senses_by_laser()));
+}
+
+#[test]
+fn time_steps_out_of_range_are_refused() {
+    let sf = |time_step| {
+        SocialForceCrowd::new(&SocialForceConfig::default(), Visibility::ALL, time_step, Vec::new().into())
+            .is_ok()
+    };
+    // (Single precision holds 1e-4 a little below itself.)
+    assert!(sf(1.1e-4) && sf(10.0) && !sf(0.9e-4) && !sf(10.1) && !sf(f32::NAN));
 }

@@ -137,6 +137,27 @@ mod tests {
     }
 
     #[test]
+    fn what_was_given_is_what_is_told() {
+        let mut adam = Adam::resume(0.25, 7, vec![0.5, -0.5], vec![0.125, 2.0]);
+        assert_eq!((adam.learning_rate(), adam.steps()), (0.25, 7));
+        assert_eq!((adam.first_moments(), adam.second_moments()), (&[0.5, -0.5][..], &[0.125, 2.0][..]));
+        adam.step(&mut [0.0; 2], &[1.0; 2]);
+        assert_eq!(adam.steps(), 8);
+    }
+
+    #[test]
+    #[should_panic(expected = "one for each moment")]
+    fn parameters_of_another_length_are_refused() {
+        Adam::new(2, 0.1).step(&mut [0.0; 3], &[0.0; 2]);
+    }
+
+    #[test]
+    #[should_panic(expected = "one for each moment")]
+    fn a_gradient_of_another_length_is_refused() {
+        Adam::new(2, 0.1).step(&mut [0.0; 2], &[0.0; 3]);
+    }
+
+    #[test]
     fn clipping_keeps_the_direction() {
         let mut gradient = [3.0, -4.0];
         assert_eq!(clip_norm(&mut gradient, 0.0), 5.0);

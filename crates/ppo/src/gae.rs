@@ -126,6 +126,28 @@ mod tests {
         let mut equal = [2.5; 4];
         normalise(&mut equal);
         assert_eq!(equal, [0.0; 4]);
+        // The standard deviation is 1e-8, as large as what is added to it.
+        let mut tiny = [-1e-8, 1e-8];
+        normalise(&mut tiny);
+        assert!((tiny[0] + 0.5).abs() < 1e-12 && (tiny[1] - 0.5).abs() < 1e-12, "{tiny:?}");
+    }
+
+    #[test]
+    #[should_panic(expected = "all are [T]")]
+    fn fates_of_another_length_are_refused() {
+        advantages(&[0.0; 2], &[0.0; 2], &[Running; 3], 0.0, (0.9, 0.9), &mut [0.0; 2]);
+    }
+
+    #[test]
+    #[should_panic(expected = "all are [T]")]
+    fn values_of_another_length_are_refused() {
+        advantages(&[0.0; 2], &[0.0; 3], &[Running; 2], 0.0, (0.9, 0.9), &mut [0.0; 2]);
+    }
+
+    #[test]
+    #[should_panic(expected = "all are [T]")]
+    fn an_output_of_another_length_is_refused() {
+        advantages(&[0.0; 2], &[0.0; 2], &[Running; 2], 0.0, (0.9, 0.9), &mut [0.0; 3]);
     }
 
     fn steps() -> impl Strategy<Value = (Vec<f64>, Vec<f64>, Vec<StepFate>)> {

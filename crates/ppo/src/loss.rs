@@ -182,6 +182,94 @@ mod tests {
     }
 
     #[test]
+    fn two_rows_by_hand() {
+        // Ratios 1.5 (advantage 2, clipped at 1.1) and 0.95 (advantage −4, inside).
+        let (action, mean, log_std) = ([0.7, -0.2], [0.5, 0.1], [0.0, -0.5]);
+        let now = log_prob(action, mean, log_std);
+        let old = [now - 1.5_f64.ln(), now - 0.95_f64.ln()];
+        let targets = PolicyTargets { actions: &[action; 2], old_log_probs: &old, advantages: &[2.0, -4.0] };
+        let weights = PolicyLossWeights { clip_coef: 0.1, ent_coef: 0.25 };
+        let mut d_means = [[0.0; 2]; 2];
+        let loss = policy_loss(&[mean; 2], log_std, targets, &[0, 1], weights, &mut d_means);
+        let near = |found: f64, expected: f64| assert!((found - expected).abs() < 1e-9, "{found} {expected}");
+        near(loss.surrogate, -(1.1 * 2.0 - 0.95 * 4.0) / 2.0);
+        let kl = |ratio: f64| ratio - 1.0 - ratio.ln();
+        near(loss.approx_kl, 0.5 * kl(1.5) + 0.5 * kl(0.95));
+        near(loss.clip_fraction, 0.5);
+        near(loss.ratio_deviation, 0.5);
+        // ln σ sums to −0.5, and each dimension adds ½·ln(2πe).
+        let entropy = (2.0 * std::f64::consts::PI * std::f64::consts::E).ln() - 0.5;
+        near(loss.entropy, entropy);
+        near(loss.loss, loss.surrogate - 0.25 * entropy);
+        // The first row is clipped; the second has weight 0.95·4/2 and a slope of (a − μ)/σ² or ((a − μ)/σ)² − 1.
+        let variance = (-1.0_f64).exp();
+        assert_eq!(d_means[0], [0.0; 2]);
+        assert!((f64::from(d_means[1][0]) - 1.9 * 0.2).abs() < 1e-6, "{d_means:?}");
+        assert!((f64::from(d_means[1][1]) + 1.9 * 0.3 / variance).abs() < 1e-6, "{d_means:?}");
+        let slope = |distance: f64, variance: f64| 1.9 * (distance * distance / variance - 1.0) - 0.25;
+        assert!((loss.d_log_std[0] - slope(0.2, 1.0)).abs() < 1e-6, "{loss:?}");
+        assert!((loss.d_log_std[1] - slope(0.3, variance)).abs() < 1e-6, "{loss:?}");
+    }
+
+    #[test]
+    fn a_ratio_on_the_edge_counts_as_unclipped() {
+        // A trust interval of no width has its edges at the ratio of an unchanged policy, exactly 1.
+        let (action, mean, log_std) = ([0.7, -0.2], [0.5, 0.1], [0.0, -0.5]);
+        let old = [log_prob(action, mean, log_std)];
+        for advantage in [2.0, -2.0] {
+            let targets = PolicyTargets { actions: &[action], old_log_probs: &old, advantages: &[advantage] };
+            let weights = PolicyLossWeights { clip_coef: 0.0, ent_coef: 0.0 };
+            let mut d_means = [[0.0; 2]];
+            let loss = policy_loss(&[mean], log_std, targets, &[0], weights, &mut d_means);
+            assert_eq!(loss.clip_fraction, 0.0);
+            assert!(d_means[0].iter().all(|d| *d != 0.0), "{d_means:?}");
+        }
+    }
+
+    /// Calls the loss with so many means, rows and gradients of one target.
+    fn policy_loss_of(means: usize, rows: usize, gradients: usize) {
+        let targets = PolicyTargets { actions: &[[0.0; 2]], old_log_probs: &[0.0], advantages: &[1.0] };
+        let (means, rows, mut gradients) = (vec![[0.0; 2]; means], vec![0; rows], vec![[0.0; 2]; gradients]);
+        policy_loss(&means, [0.0; 2], targets, &rows, WEIGHTS, &mut gradients);
+    }
+
+    #[test]
+    #[should_panic(expected = "all are [B]")]
+    fn no_rows_are_refused() {
+        policy_loss_of(0, 0, 0);
+    }
+
+    #[test]
+    #[should_panic(expected = "all are [B]")]
+    fn means_of_another_length_are_refused() {
+        policy_loss_of(2, 1, 1);
+    }
+
+    #[test]
+    #[should_panic(expected = "all are [B]")]
+    fn gradients_of_another_length_are_refused() {
+        policy_loss_of(1, 1, 2);
+    }
+
+    #[test]
+    #[should_panic(expected = "all are [B]")]
+    fn no_values_are_refused() {
+        value_loss(&[], &[], &[], &mut []);
+    }
+
+    #[test]
+    #[should_panic(expected = "all are [B]")]
+    fn values_of_another_length_are_refused() {
+        value_loss(&[0.0; 2], &[0.0], &[0], &mut [0.0]);
+    }
+
+    #[test]
+    #[should_panic(expected = "all are [B]")]
+    fn value_gradients_of_another_length_are_refused() {
+        value_loss(&[0.0], &[0.0], &[0], &mut [0.0; 2]);
+    }
+
+    #[test]
     fn value_loss_by_hand() {
         let mut d_values = [0.0; 2];
         let loss = value_loss(&[1.0, 5.0], &[9.0, 3.0, 4.0], &[1, 2], &mut d_values);
@@ -196,6 +284,8 @@ mod tests {
         assert_eq!(explained_variance(&returns, &returns), 1.0);
         assert_eq!(explained_variance(&[7.0; 3], &returns), 0.0);
         assert_eq!(explained_variance(&[1.0, 2.0, 3.0], &[5.0; 3]), 0.0);
+        // Returns −1 … 1 about 10 vary by 2/3, the errors (−1, 0, 1)/2 by 1/6.
+        assert!((explained_variance(&[9.5, 10.0, 10.5], &[9.0, 10.0, 11.0]) - 0.75).abs() < 1e-12);
     }
 
     proptest! {

@@ -79,3 +79,28 @@ pub(super) struct Body {
     /// Index of the agent in order of addition.
     pub(super) agent: u32,
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PARAMETERS: AgentParameters = AgentParameters {
+        neighbour_distance: 10.0,
+        max_neighbours: 10,
+        time_horizon: 4.0,
+        time_horizon_obstacles: 3.0,
+        radius: 0.5,
+        max_speed: 2.0,
+    };
+
+    #[test]
+    fn edges_matter_as_far_as_the_agent_walks_within_the_horizon() {
+        assert_eq!(PARAMETERS.obstacle_range_sq(), 6.5 * 6.5);
+    }
+
+    #[test]
+    fn too_many_neighbours_are_refused() {
+        assert_eq!(AgentParameters { max_neighbours: 1 << 16, ..PARAMETERS }.validate(), Ok(()));
+        assert!(AgentParameters { max_neighbours: (1 << 16) + 1, ..PARAMETERS }.validate().is_err());
+    }
+}

@@ -224,3 +224,126 @@ fn insert(found: &mut Vec<AgentNeighbour>, max_neighbours: usize, new: AgentNeig
         *range_sq = found[max_neighbours - 1].distance_sq;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    use rand::RngExt;
+    use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
+
+    use crate::orca::AgentParameters;
+
+    fn agents(positions: &[Vec2]) -> Vec<Agent> {
+        let parameters = AgentParameters {
+            neighbour_distance: 10.0,
+            max_neighbours: 10,
+            time_horizon: 2.0,
+            time_horizon_obstacles: 2.0,
+            radius: 0.25,
+            max_speed: 1.0,
+        };
+        let agent = |(i, position): (usize, &Vec2)| Agent {
+            position: *position,
+            velocity: Vec2::splat(i as f32),
+            preferred_velocity: Vec2::ZERO,
+            planned_velocity: Vec2::ZERO,
+            parameters,
+        };
+        positions.iter().enumerate().map(agent).collect()
+    }
+
+    fn scattered(n: usize, seed: u64) -> Vec<Vec2> {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut draw = || 8.0 * rng.random::<f32>() - 3.0;
+        (0..n).map(|_| Vec2::new(draw(), 0.5 * draw())).collect()
+    }
+
+    fn tree(positions: &[Vec2]) -> AgentTree {
+        let mut tree = AgentTree::default();
+        tree.build(&agents(positions));
+        tree
+    }
+
+    #[test]
+    fn the_nearest_are_found_as_by_comparing_all() {
+        for (n, seed) in [(1, 0), (9, 1), (40, 2), (150, 3)] {
+            let tree = tree(&scattered(n, seed));
+            let mut search = Search::default();
+            for (most, range) in [(0, 9.0_f32), (3, 9.0), (10, 1.5), (1000, 2.5)] {
+                for slot in 0..n {
+                    tree.neighbours(slot, most, range * range, &mut search);
+                    let at = tree.bodies[slot].position;
+                    let mut expected: Vec<(f32, u32)> = (0..n)
+                        .filter(|other| *other != slot)
+                        .map(|other| (tree.bodies[other].position.distance_squared(at), other as u32))
+                        .filter(|(distance_sq, _)| *distance_sq < range * range)
+                        .collect();
+                    expected.sort_by(|a, b| a.0.total_cmp(&b.0));
+                    expected.truncate(most);
+                    let found: Vec<(f32, u32)> =
+                        search.found.iter().map(|found| (found.distance_sq, found.slot)).collect();
+                    assert_eq!(found, expected, "{n} agents, at most {most} within {range}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn nodes_are_tight_boxes_split_in_the_middle_of_the_longer_side() {
+        let tree = tree(&scattered(150, 4));
+        for (i, node) in tree.nodes.iter().enumerate() {
+            let (begin, end) = (node.begin as usize, node.end as usize);
+            let positions = || tree.entries[begin..end].iter().map(|entry| entry.position);
+            assert_eq!(node.min, positions().reduce(Vec2::min).unwrap());
+            assert_eq!(node.max, positions().reduce(Vec2::max).unwrap());
+            assert_eq!(node.right == 0, end - begin <= MAX_LEAF);
+            if node.right == 0 {
+                continue;
+            }
+            let (left, right) = (tree.nodes[i + 1], tree.nodes[node.right as usize]);
+            assert_eq!((left.begin, left.end, right.end), (node.begin, right.begin, node.end));
+            let (size, middle) = (node.max - node.min, 0.5 * (node.min + node.max));
+            let is_left = |at: Vec2| if size.x > size.y { at.x < middle.x } else { at.y < middle.y };
+            for (k, at) in positions().enumerate() {
+                assert_eq!(is_left(at), begin + k < left.end as usize);
+            }
+        }
+    }
+
+    #[test]
+    fn distances_to_a_box_by_hand() {
+        // The box is 2 × 1 m.
+        let tree = tree(&[Vec2::ZERO, Vec2::new(2.0, 1.0)]);
+        let distance_sq = |x, y| tree.box_distance_sq(0, Vec2::new(x, y));
+        assert_eq!(distance_sq(1.0, 0.5), 0.0);
+        assert_eq!((distance_sq(-3.0, 0.5), distance_sq(4.0, 0.5)), (9.0, 4.0));
+        assert_eq!((distance_sq(1.0, -1.5), distance_sq(1.0, 3.0)), (2.25, 4.0));
+        assert_eq!((distance_sq(-3.0, -4.0), distance_sq(5.0, 5.0)), (25.0, 25.0));
+    }
+
+    #[test]
+    fn equals_keep_the_order_in_which_they_come() {
+        let (mut found, mut range_sq) = (Vec::new(), 9.0);
+        for (slot, distance_sq) in [(0, 4.0), (1, 1.0), (2, 4.0), (3, 1.0), (4, 2.0)] {
+            insert(&mut found, 4, AgentNeighbour { distance_sq, slot }, &mut range_sq);
+            assert_eq!(range_sq, if slot < 3 { 9.0 } else { 4.0 });
+        }
+        assert_eq!(found.iter().map(|f| f.slot).collect::<Vec<_>>(), [1, 3, 4, 0]);
+    }
+
+    #[test]
+    fn a_cleared_tree_forgets_the_order() {
+        let positions = scattered(60, 5);
+        let mut used = tree(&scattered(60, 6));
+        used.clear();
+        used.build(&agents(&positions));
+        let fresh = tree(&positions);
+        let order = |tree: &AgentTree| tree.bodies.iter().map(|body| body.agent).collect::<Vec<_>>();
+        assert_eq!(order(&used), order(&fresh));
+        for body in &fresh.bodies {
+            assert_eq!(body.velocity, Vec2::splat(body.agent as f32));
+            assert_eq!((body.position, body.radius), (positions[body.agent as usize], 0.25));
+        }
+    }
+}

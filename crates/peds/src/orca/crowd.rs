@@ -167,3 +167,34 @@ fn preferred_velocity(pedestrian: &Pedestrian, max_speed: f32) -> Result<Vec2, P
     let to_goal = checked("goal", pedestrian.goal)? - pedestrian.position;
     Ok(to_goal.clamp_length_max(max_speed))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_preferred_velocity_slows_within_a_second_of_the_goal() {
+        let at = |goal: Vec2| {
+            let pedestrian = Pedestrian {
+                position: Vec2::ONE,
+                velocity: Vec2::ZERO,
+                heading: 0.0,
+                goal: Vec2::ONE + goal,
+            };
+            preferred_velocity(&pedestrian, 2.0).unwrap()
+        };
+        assert!(at(Vec2::new(30.0, 40.0)).distance(Vec2::new(1.2, 1.6)) < 1e-6);
+        assert_eq!(at(Vec2::new(0.5, -1.0)), Vec2::new(0.5, -1.0));
+    }
+
+    #[test]
+    fn the_config_says_what_the_agents_are() {
+        let config = OrcaConfig { radius: 0.2, max_speed: 1.5, max_neighbours: 4, ..OrcaConfig::default() };
+        let parameters = config.parameters();
+        assert_eq!((parameters.radius, parameters.max_speed, parameters.max_neighbours), (0.2, 1.5, 4));
+        assert_eq!((parameters.neighbour_distance, parameters.time_horizon), (10.0, 5.0));
+        assert!(OrcaConfig { radius: -1.0, ..config }.validate().is_err());
+        assert!(OrcaConfig { robot_radius: 100.5, ..config }.validate().is_err());
+        assert_eq!(OrcaConfig { robot_radius: 100.0, ..config }.validate(), Ok(()));
+    }
+}

@@ -72,4 +72,18 @@ mod tests {
         let line = Line { point: Vec2::ZERO, direction: normalise(Vec2::ZERO) };
         assert!(!line.is_determined());
     }
+    #[test]
+    fn arithmetic_by_hand() {
+        let (a, b) = (Vec2::new(2.0, 3.0), Vec2::new(5.0, 7.0));
+        assert_eq!(det(a, b), -1.0);
+        assert_eq!(left_of(Vec2::new(1.0, 1.0), a, b), -2.0);
+        assert_eq!(over(b, 2.0), Vec2::new(2.5, 3.5));
+        assert!(normalise(Vec2::new(3.0, 4.0)).distance(Vec2::new(0.6, 0.8)) < 1e-7);
+        let line = Line { point: a, direction: Vec2::Y };
+        // The velocity lies 3 to the right.
+        assert_eq!(line.violation(b), 3.0);
+        assert!(line.is_determined());
+        assert!(!Line { point: Vec2::NAN, ..line }.is_determined());
+        assert!(!Line { direction: Vec2::NAN, ..line }.is_determined());
+    }
 }

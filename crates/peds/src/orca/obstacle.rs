@@ -139,4 +139,31 @@ mod tests {
         let comb: Vec<Vec2> = (0..5000).map(|i| Vec2::new(i as f32, (i % 2) as f32)).collect();
         assert!(Obstacles::new(&[comb]).is_err());
     }
+    #[test]
+    fn limits_hold_over_all_polygons_together() {
+        // Polygons of a thousand edges.
+        let ring = |n: usize| -> Vec<Vec2> {
+            (0..n).map(|i| 50.0 * Vec2::from_angle(i as f32 * std::f32::consts::TAU / n as f32)).collect()
+        };
+        assert!(validate(0, &ring(96), 4000).is_ok());
+        assert!(validate(0, &ring(97), 4000).is_err());
+        // 1 mm is long enough, a little less is not; the edge that closes the ring counts, too.
+        assert!(validate(0, &[Vec2::ZERO, Vec2::new(1e-3, 0.0)], 0).is_ok());
+        assert!(validate(0, &[Vec2::ZERO, Vec2::new(0.9e-3, 0.0)], 0).is_err());
+        assert!(validate(0, &[Vec2::ZERO, Vec2::X, Vec2::new(1e-4, 0.0)], 0).is_err());
+    }
+
+    #[test]
+    fn rings_are_joined_one_after_another() {
+        let obstacles = Obstacles::new(&[square(), vec![3.0 * Vec2::X, 4.0 * Vec2::X]]).unwrap();
+        assert_eq!((obstacles.len(), obstacles.is_empty()), (6, false));
+        assert!(Obstacles::default().is_empty());
+        let links: Vec<(u32, u32)> = obstacles.vertices.iter().map(|v| (v.previous, v.next)).collect();
+        assert_eq!(links, [(3, 1), (0, 2), (1, 3), (2, 0), (5, 5), (4, 4)]);
+        let directions: Vec<Vec2> = obstacles.vertices.iter().map(|v| v.direction).collect();
+        assert_eq!(directions, [Vec2::X, Vec2::Y, -Vec2::X, -Vec2::Y, Vec2::X, -Vec2::X]);
+        // A vertex amid a straight wall is convex.
+        let straight = [Vec2::ZERO, Vec2::X, 2.0 * Vec2::X, Vec2::new(1.0, 2.0)];
+        assert!(Obstacles::new(&[straight]).unwrap().vertices.iter().all(|v| v.is_convex));
+    }
 }

@@ -273,3 +273,93 @@ impl OrcaSimulator {
         (velocity, n_obstacle_lines)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PARAMETERS: AgentParameters = AgentParameters {
+        neighbour_distance: 10.0,
+        max_neighbours: 10,
+        time_horizon: 5.0,
+        time_horizon_obstacles: 5.0,
+        radius: 0.35,
+        max_speed: 1.0,
+    };
+
+    fn simulator(time_step: f32) -> OrcaSimulator {
+        OrcaSimulator::new(time_step, Arc::new(Obstacles::default())).unwrap()
+    }
+
+    #[test]
+    fn an_agent_alone_moves_as_it_prefers() {
+        let mut simulator = simulator(0.5);
+        assert!(simulator.is_empty());
+        assert_eq!(simulator.add_agent(Vec2::ONE, Vec2::Y, &PARAMETERS), Ok(0));
+        assert_eq!((simulator.is_empty(), simulator.len()), (false, 1));
+        simulator.set_preferred_velocity(0, Vec2::new(0.5, -0.25)).unwrap();
+        simulator.plan();
+        assert_eq!((simulator.position(0), simulator.velocity(0)), (Vec2::ONE, Vec2::Y), "nobody moves yet");
+        assert_eq!(simulator.planned_velocity(0), Vec2::new(0.5, -0.25));
+        simulator.step();
+        assert_eq!(
+            (simulator.position(0), simulator.velocity(0)),
+            (Vec2::new(1.25, 0.875), Vec2::new(0.5, -0.25))
+        );
+        simulator.set_state(0, Vec2::ZERO, Vec2::X).unwrap();
+        assert_eq!((simulator.position(0), simulator.velocity(0)), (Vec2::ZERO, Vec2::X));
+        simulator.par_step();
+        assert_eq!(simulator.position(0), Vec2::new(0.25, -0.125));
+        assert_eq!(
+            simulator.set_state(1, Vec2::ZERO, Vec2::X),
+            Err(PedsError::NoSuchAgent { agent: 1, count: 1 })
+        );
+        simulator.clear_agents();
+        assert!(simulator.is_empty());
+    }
+
+    #[test]
+    fn half_planes_are_kept_only_when_asked_for() {
+        let mut simulator = simulator(0.1);
+        for x in [0.0, 1.5] {
+            simulator.add_agent(Vec2::new(x, 0.0), Vec2::ZERO, &PARAMETERS).unwrap();
+        }
+        simulator.plan();
+        assert!(simulator.lines(0).is_none());
+        simulator.record_lines(true);
+        for parallel in [false, true] {
+            if parallel {
+                simulator.par_plan();
+            } else {
+                simulator.plan();
+            }
+            let lines = simulator.lines(1).unwrap();
+            assert_eq!((lines.lines.len(), lines.n_agent_lines), (1, 1));
+        }
+        assert!(simulator.lines(2).is_none());
+        simulator.record_lines(false);
+        assert!(simulator.lines(0).is_none());
+    }
+
+    #[test]
+    fn an_agent_looks_no_farther_than_its_distance() {
+        // The other stands in the way, 2 m ahead and within its horizon.
+        let velocity = |neighbour_distance| {
+            let mut simulator = simulator(0.1);
+            let parameters = AgentParameters { neighbour_distance, ..PARAMETERS };
+            simulator.add_agent(Vec2::ZERO, Vec2::X, &parameters).unwrap();
+            simulator.add_agent(Vec2::new(2.0, 0.1), Vec2::ZERO, &parameters).unwrap();
+            simulator.set_preferred_velocity(0, Vec2::X).unwrap();
+            simulator.plan();
+            simulator.planned_velocity(0)
+        };
+        assert_eq!(velocity(1.9), Vec2::X);
+        assert_ne!(velocity(2.1), Vec2::X);
+    }
+
+    #[test]
+    fn time_steps_are_accepted_from_a_tenth_of_a_millisecond_to_ten_seconds() {
+        let ok = |time_step| OrcaSimulator::new(time_step, Arc::new(Obstacles::default())).is_ok();
+        assert!(ok(1e-4) && ok(10.0) && !ok(0.9e-4) && !ok(10.1) && !ok(f32::NAN));
+    }
+}

@@ -99,4 +99,29 @@ mod tests {
         assert!(Border::from_polygons(&[[Vec2::ZERO]]).is_err());
         assert!(Border::from_polygons(&[[Vec2::ZERO, Vec2::NAN]]).is_err());
     }
+    #[test]
+    fn of_equally_near_points_the_first_counts() {
+        let at = |x: f64| [DVec2::new(x, -1.0), DVec2::new(x, 1.0)];
+        assert_eq!(Border::new(&[at(-1.0), at(1.0)]).unwrap().nearest(DVec2::ZERO), DVec2::new(-1.0, 0.0));
+        assert_eq!(Border::new(&[at(1.0), at(-1.0)]).unwrap().nearest(DVec2::ZERO), DVec2::new(1.0, 0.0));
+    }
+
+    #[test]
+    fn degenerate_borders_by_hand() {
+        let point = Border::new(&[[DVec2::ONE, DVec2::ONE]]).unwrap();
+        assert_eq!(point.nearest(DVec2::new(5.0, -2.0)), DVec2::ONE);
+        // Three vertices on a line enclose nothing, so they are no room.
+        let flat = [Vec2::ZERO, 2.0 * Vec2::X, Vec2::X];
+        assert_eq!(Border::from_polygons(&[flat]).unwrap().len(), 1);
+        assert!(Border::new(&[]).is_err());
+    }
+
+    #[test]
+    fn a_ring_is_closed() {
+        let triangle = Border::from_polygons(&[[Vec2::ZERO, 4.0 * Vec2::X, 4.0 * Vec2::Y]]).unwrap();
+        // Beside the last edge, which leads back to the first vertex.
+        assert_eq!(triangle[0].nearest(DVec2::new(-1.0, 1.0)), DVec2::Y);
+        assert_eq!(triangle[0].nearest(DVec2::new(1.0, -1.0)), DVec2::X);
+        assert_eq!(triangle[0].nearest(DVec2::new(3.0, 3.0)), DVec2::new(2.0, 2.0));
+    }
 }

@@ -217,4 +217,35 @@ mod tests {
         let variance = speeds.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / f64::from(n - 1);
         assert!((mean - 1.34).abs() < 0.01 && (variance.sqrt() - 0.26).abs() < 0.01, "{mean} {variance}");
     }
+    #[test]
+    fn ranges_end_where_they_say() {
+        let config = SocialForceConfig::default();
+        let accepts = |desired_speed| SocialForceConfig { desired_speed, ..config }.validate().is_ok();
+        assert!(accepts(DesiredSpeed::Fixed(100.0)) && !accepts(DesiredSpeed::Fixed(100.1)));
+        assert!(!accepts(DesiredSpeed::Fixed(0.0)) && !accepts(DesiredSpeed::Fixed(f64::NAN)));
+        assert!(accepts(DesiredSpeed::Normal { mean: 1.0, std: 1.0 }));
+        assert!(!accepts(DesiredSpeed::Normal { mean: 1.0, std: 1.1 }));
+        assert!(!accepts(DesiredSpeed::Normal { mean: 1.0, std: -0.1 }));
+        for bad in [
+            SocialForceConfig { max_speed_factor: -1.0, ..config },
+            SocialForceConfig { v0: -1.0, ..config },
+            SocialForceConfig { u0: f64::INFINITY, ..config },
+            SocialForceConfig { r: 0.0, ..config },
+            SocialForceConfig { field_of_view_degrees: 361.0, ..config },
+            SocialForceConfig { out_of_view_weight: 1.5, ..config },
+            SocialForceConfig { b_min: 0.0, ..config },
+        ] {
+            assert!(bad.validate().is_err(), "{bad:?}");
+        }
+    }
+
+    #[test]
+    fn a_factor_multiplies_the_base_and_is_never_negative() {
+        assert_eq!((DesiredSpeed::Fixed(1.5).base(), DesiredSpeed::HELBING.base()), (1.5, 1.34));
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        assert_eq!(DesiredSpeed::Fixed(1.5).draw_factor(&mut rng), 1.0);
+        // A sixth of these draws would be negative.
+        let wide = DesiredSpeed::Normal { mean: 2.0, std: 2.0 };
+        assert!((0..1000).all(|_| wide.draw_factor(&mut rng) > 0.0));
+    }
 }

@@ -205,4 +205,42 @@ mod tests {
         assert_eq!(walkers[0].position, DVec2::new(0.05, 0.0));
         assert!((walkers[0].velocity.x - 0.6).abs() < 1e-15);
     }
+    #[test]
+    fn one_exactly_behind_is_in_a_view_all_around() {
+        let config = SocialForceConfig {
+            variant: super::super::Variant::Package,
+            field_of_view_degrees: 360.0,
+            ..SocialForceConfig::default()
+        };
+        let a = walker(0.0, DVec2::X, DVec2::new(5.0, 0.0));
+        let behind = walker(-0.8, DVec2::ZERO, DVec2::new(-5.0, 0.0));
+        assert_eq!(SocialForce::new(&config).unwrap().pair_force(&a, &behind).1, 1.0);
+    }
+
+    #[test]
+    fn every_term_by_itself_is_the_term_alone() {
+        let walkers = [
+            walker(0.0, DVec2::X, DVec2::new(5.0, 0.0)),
+            walker(0.9, DVec2::new(-0.2, 0.1), DVec2::new(-5.0, 1.0)),
+            walker(-1.2, DVec2::Y, DVec2::new(0.0, 5.0)),
+        ];
+        let at = |y: f64| Border::new(&[[DVec2::new(-3.0, y), DVec2::new(3.0, y)]]).unwrap();
+        let borders = [at(-0.5), at(0.7)];
+        let forces = model().forces(&walkers, &borders);
+        for (a, walker) in walkers.iter().enumerate() {
+            assert_eq!(forces.goal[a], model().goal_force(walker));
+            assert_eq!((forces.pair[a][a], forces.weight[a][a]), (DVec2::ZERO, 0.0));
+            let mut sum = DVec2::ZERO;
+            for (b, other) in walkers.iter().enumerate().filter(|(b, _)| *b != a) {
+                let (force, weight) = model().pair_force(walker, other);
+                assert_eq!((forces.pair[a][b], forces.weight[a][b]), (force, weight));
+                sum += weight * force;
+            }
+            assert_eq!(forces.pedestrian[a], sum);
+            let walls = [0, 1].map(|k| model().wall_force(walker.position, &borders[k]));
+            assert_eq!(forces.wall_each[a], walls);
+            assert_eq!(forces.wall[a], walls[0] + walls[1]);
+            assert!(forces.total[a].distance(forces.goal[a] + sum + forces.wall[a]) < 1e-12);
+        }
+    }
 }

@@ -1,0 +1,161 @@
+//! Every unsafe kernel over operands that end where the last value that is needed ends, small enough for Miri.
+//!
+//! An element read or written outside its operand is an error under Miri and under an address sanitiser, and a changed
+//! guard value elsewhere (the commands: `docs/reliability.md`). Sizes are such that every kernel has full and partial
+//! tiles; values are checked against sums in double precision.
+
+use jostle_policy::kernels::{
+    AdamStep, AlignedVec, Count, Finish, Grid, HALF, Isa, Linear, PANEL, Start, Steps, Strips, adam_step,
+    outer_products, rows_times_panel,
+};
+
+/// A fixed, irregular sequence in −1 … 1, in memory of exactly this length.
+fn values(len: usize, seed: u32) -> Box<[f32]> {
+    let mut state = seed.wrapping_mul(2_654_435_761).wrapping_add(12_345);
+    (0..len)
+        .map(|_| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as f32 / (1 << 23) as f32 - 1.0
+        })
+        .collect()
+}
+
+fn assert_near(found: f32, expected: f64) {
+    assert!((f64::from(found) - expected).abs() <= 2e-6 * (1.0 + expected.abs()), "{found} {expected}");
+}
+
+/// How a product starts and how it finishes.
+#[derive(Clone, Copy, Debug)]
+enum Mode {
+    ZeroStore,
+    BiasRelu,
+    AccumulateMask,
+}
+
+fn check_rows<const ROW: usize>(isa: Isa, rows: usize, (blocks, block_len): (usize, usize), mode: Mode) {
+    let block_stride = rows * ROW + 1;
+    let a = values((rows - 1) * ROW + (blocks - 1) * block_stride + block_len, 1);
+    let panel = values(blocks * block_len * PANEL, 2);
+    let bias = values(PANEL, 3);
+    // The halves of a row stand side by side, or each in a grid of its own.
+    let (row, half) = if matches!(mode, Mode::ZeroStore) { (PANEL, HALF) } else { (HALF, rows * HALF + 1) };
+    let before = values((rows - 1) * row + half + HALF, 4);
+    let activations = values(before.len(), 5);
+    let mut out = before.clone();
+    let (start, finish) = match mode {
+        Mode::ZeroStore => (Start::Zero, Finish::Store),
+        Mode::BiasRelu => (Start::Bias(&bias), Finish::Relu),
+        Mode::AccumulateMask => (Start::Accumulate, Finish::Mask(Grid { data: &activations[..], row, half })),
+    };
+    let strips = Strips { data: &a, blocks, block_len, block_stride };
+    rows_times_panel::<ROW>(isa, rows, strips, &panel, start, finish, Grid { data: &mut out, row, half });
+
+    let mut expected: Vec<f64> = before.iter().map(|value| f64::from(*value)).collect();
+    for m in 0..rows {
+        for n in 0..PANEL {
+            let at = m * row + n / HALF * half + n % HALF;
+            let product: f64 = (0..blocks * block_len)
+                .map(|k| {
+                    let x = a[m * ROW + k / block_len * block_stride + k % block_len];
+                    f64::from(x) * f64::from(panel[k * PANEL + n])
+                })
+                .sum();
+            expected[at] = match mode {
+                Mode::ZeroStore => product,
+                Mode::BiasRelu => (f64::from(bias[n]) + product).max(0.0),
+                Mode::AccumulateMask if activations[at] > 0.0 => expected[at] + product,
+                Mode::AccumulateMask => 0.0,
+            };
+        }
+    }
+    out.iter().zip(expected).for_each(|(found, expected)| assert_near(*found, expected));
+}
+
+#[test]
+fn rows_read_and_write_their_operands_alone() {
+    for isa in Isa::available() {
+        // 5 and 13: one tile of either width; 15: a second tile for both.
+        for rows in [1, 5, 13, 15] {
+            for mode in [Mode::ZeroStore, Mode::BiasRelu, Mode::AccumulateMask] {
+                check_rows::<2>(isa, rows, (2, 3), mode);
+                check_rows::<16>(isa, rows, (2, 2), mode);
+            }
+        }
+    }
+}
+
+#[test]
+fn outer_products_read_and_write_their_operands_alone() {
+    for isa in Isa::available() {
+        for rows in [1, 6, 14, 15] {
+            for (segments, steps, accumulate) in [(1, 3, false), (2, 2, true)] {
+                let (a_step, b_step, b_half) = (rows, PANEL + 1, HALF + 1);
+                let (a_segment, b_segment) = (steps * a_step + 1, steps * b_step + 2);
+                let last = |step: usize, segment: usize| (segments - 1) * segment + (steps - 1) * step;
+                let a = values(last(a_step, a_segment) + rows, 1);
+                let b = values(last(b_step, b_segment) + b_half + HALF, 2);
+                let before = values(rows * PANEL, 3);
+                let mut out = before.clone();
+                let left = Steps { data: &a, step: a_step, segment: a_segment, half: 0 };
+                let right = Steps { data: &b, step: b_step, segment: b_segment, half: b_half };
+                outer_products(isa, rows, Count { segments, steps }, left, right, accumulate, &mut out);
+                for (at, found) in out.iter().enumerate() {
+                    let (m, n) = (at / PANEL, at % PANEL);
+                    let mut sum = if accumulate { f64::from(before[at]) } else { 0.0 };
+                    for k in 0..segments * steps {
+                        let x = a[k / steps * a_segment + k % steps * a_step + m];
+                        let y = b[k / steps * b_segment + k % steps * b_step + n / HALF * b_half + n % HALF];
+                        sum += f64::from(x) * f64::from(y);
+                    }
+                    assert_near(*found, sum);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn adam_steps_every_parameter_and_no_other() {
+    for isa in Isa::available() {
+        for len in [1, 16, 19] {
+            let (mut parameters, gradient) = (values(len, 1), values(len, 2));
+            let (mut m, mut v) = (vec![0.0; len].into_boxed_slice(), vec![0.0; len].into_boxed_slice());
+            let before = parameters.clone();
+            let step = AdamStep { learning_rate: 0.5, beta1: 0.9, beta2: 0.999, epsilon: 1e-8, step: 1 };
+            adam_step(isa, &mut parameters, &gradient, &mut m, &mut v, &step);
+            for ((found, before), g) in parameters.iter().zip(before).zip(gradient) {
+                // The first step has the length of the learning rate.
+                assert!((found - (before - 0.5 * g.signum())).abs() < 1e-5, "{found} {before} {g}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_transpose_fills_its_panels() {
+    for isa in Isa::available() {
+        let layer = Linear::new(35, PANEL);
+        let weights = values(layer.weights(), 1);
+        let mut transposed = vec![f32::NAN; layer.transposed_len()].into_boxed_slice();
+        layer.transpose(isa, &weights, &mut transposed);
+        for input in 0..2 * PANEL {
+            for output in 0..PANEL {
+                let found = transposed[input / PANEL * PANEL * PANEL + output * PANEL + input % PANEL];
+                assert_eq!(found, if input < 35 { weights[layer.index(input, output)] } else { 0.0 });
+            }
+        }
+    }
+}
+
+#[test]
+fn aligned_memory_is_as_long_as_it_says() {
+    for len in [0, 1, 16, 17] {
+        let mut memory = AlignedVec::zeros(len);
+        memory.iter_mut().zip(1_u16..).for_each(|(value, i)| *value = f32::from(i));
+        assert_eq!(memory.len(), len);
+        assert_eq!(memory.clone().iter().sum::<f32>(), (len * (len + 1) / 2) as f32);
+        memory.reserve_len(40);
+        assert_eq!(memory.len(), 40);
+        assert!(memory.iter().all(|value| *value == 0.0));
+    }
+}
