@@ -6,8 +6,8 @@ use anyhow::Result;
 use clap::{Parser, Subcommand};
 
 use crate::{
-    bench, chaos, ci, compare, config_explain, conformance, demo, doctor, evaluate, fuzz, output, plot,
-    replay, reproduce, runs, tensorboard, train,
+    bench, chaos, ci, compare, config_explain, conformance, demo, doctor, evaluate, fuzz, milestones, output,
+    plot, replay, reproduce, runs, tensorboard, train,
 };
 
 /// Exit status of a command line that cannot be read.
@@ -48,6 +48,8 @@ pub(crate) enum Command {
     Runs(runs::RunsArgs),
     /// Print what two runs have in different.
     Compare(compare::CompareArgs),
+    /// Print training measures of runs at chosen updates.
+    Milestones(milestones::MilestonesArgs),
     /// Draw learning curves of runs, or the bars of a table.
     Plot(plot::PlotArgs),
     /// Name what is missing or odd here, and what to do.
@@ -76,6 +78,7 @@ impl Command {
             Self::Replay(args) => replay::run(&args),
             Self::Runs(args) => runs::run(&args),
             Self::Compare(args) => compare::run(&args),
+            Self::Milestones(args) => milestones::run(&args),
             Self::Plot(args) => plot::run(&args),
             Self::Doctor(args) => doctor::run(&args),
             Self::Config(args) => config_explain::run(&args),

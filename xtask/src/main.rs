@@ -7,6 +7,7 @@
 //! fast it all is), [`ci`].
 //!
 //! What a person looks at: [`demo`] and [`replay`] (episodes on a page), [`plot`] (curves and bars), [`runs`], [`compare`],
+//! [`milestones`],
 //! [`tensorboard`] (logs of training), [`config_explain`], [`doctor`].
 
 #![forbid(unsafe_code)]
@@ -23,6 +24,7 @@ mod demo;
 mod doctor;
 mod evaluate;
 mod fuzz;
+mod milestones;
 mod ndjson;
 mod output;
 mod plot;

@@ -145,6 +145,27 @@ fn a_comparison_names_what_differs() {
 }
 
 #[test]
+fn milestones_stand_where_the_log_has_them() {
+    let printed = accepted(&["milestones", text(finished_run()), "--at", "2,4,5", "--window", "2"]);
+    let log = fs::read_to_string(finished_run().join("log.ndjson")).unwrap();
+    let diversity: Vec<f64> = log
+        .lines()
+        .map(|line| serde_json::from_str::<Value>(line).unwrap()["diversity"].as_f64().unwrap())
+        .collect();
+    let row = |update: usize| {
+        let rows = printed.lines().map(|line| line.split('|').map(str::trim).collect::<Vec<_>>());
+        rows.filter(|row| row.len() == 14).find(|row| row[2] == update.to_string())
+    };
+    for end in [2, 4] {
+        let mean = diversity[end - 2..end].iter().sum::<f64>() / 2.0;
+        assert_eq!(row(end).expect("a row for each update asked for")[10], format!("{mean:.3}"), "{printed}");
+    }
+    assert!(row(5).is_none(), "the run has four updates: {printed}");
+    assert!(printed.contains("`horizon="), "what the run varies: {printed}");
+    refused(&["milestones", "nowhere"], &["nowhere"]);
+}
+
+#[test]
 fn an_event_file_has_a_record_for_each_update() {
     let folder = tempfile::tempdir().unwrap();
     let printed = accepted(&["tensorboard", text(finished_run()), "--out", text(folder.path())]);
@@ -174,7 +195,9 @@ fn the_doctor_looks_at_everything() {
 
 #[test]
 fn every_help_has_an_example() {
-    for command in ["demo", "replay", "plot", "runs", "compare", "doctor", "config", "tensorboard"] {
+    for command in
+        ["demo", "replay", "plot", "runs", "compare", "milestones", "doctor", "config", "tensorboard"]
+    {
         let help = accepted(&[command, "--help"]);
         assert!(help.contains(&format!("cargo xtask {command}")), "{help}");
     }

@@ -1,0 +1,136 @@
+//! `cargo xtask milestones`: training measures of runs at chosen updates, side by side: what a setting is picked by.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::{Result, bail};
+use clap::Args;
+use jostle_eval::report::grid::Grid;
+use jostle_eval::statistics::wilson;
+use jostle_ppo::{Config, UpdateReport};
+
+use crate::compare::settings;
+use crate::output;
+use crate::runs::log::RunLog;
+use crate::runs::search;
+use crate::train::short;
+
+/// How deep folders are searched for runs.
+const DEPTH: usize = 3;
+/// Keys that say nothing about the curve's shape, or that the run's own columns show.
+const LEFT_OUT: [&str; 5] = ["seed", "updates", "checkpoint_every", "threads", "n_behaviours"];
+
+/// Arguments of `milestones`.
+#[derive(Args)]
+#[command(after_help = "Example:\n  cargo xtask milestones runs --at 250,500,1000 --window 100")]
+pub(crate) struct MilestonesArgs {
+    /// Run folders, or folders of run folders.
+    #[arg(required = true)]
+    runs: Vec<PathBuf>,
+    /// Updates to report.
+    #[arg(long, value_name = "N,…", value_delimiter = ',', default_value = "100,250,500,1000")]
+    at: Vec<usize>,
+    /// Updates, up to and with each of these, over which measures are taken.
+    #[arg(long, value_name = "N", default_value_t = 100)]
+    window: usize,
+}
+
+/// Prints two Markdown tables: what the runs vary, and their measures.
+pub(crate) fn run(args: &MilestonesArgs) -> Result<ExitCode> {
+    let mut folders = Vec::new();
+    for folder in &args.runs {
+        let before = folders.len();
+        search(folder, DEPTH, &mut folders)?;
+        if folders.len() == before {
+            bail!("no run under {}; `cargo xtask train` makes one", folder.display());
+        }
+    }
+    let runs = folders.iter().map(|folder| RunLog::read(folder)).collect::<Result<Vec<_>>>()?;
+    let text = format!(
+        "{}\nMeans over the {} updates up to the one named; success with its 95 % interval.\n\n{}",
+        settings_grid(&runs)?.markdown(),
+        args.window,
+        measures_grid(&runs, &args.at, args.window).markdown()
+    );
+    output::result(&text)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Each run with the settings that are not the defaults.
+fn settings_grid(runs: &[RunLog]) -> Result<Grid> {
+    let defaults = settings(&Config::default())?;
+    let mut grid = Grid::new(["run", "M", "seed", "updates", "config", "settings that are not the defaults"]);
+    for run in runs {
+        let changed: Vec<String> = settings(&run.config)?
+            .into_iter()
+            .filter(|(key, value)| !LEFT_OUT.contains(&key.as_str()) && defaults.get(key) != Some(value))
+            .map(|(key, value)| format!("`{key}={value}`"))
+            .collect();
+        grid.push(
+            false,
+            vec![
+                run.name.clone(),
+                run.config.n_behaviours.to_string(),
+                run.config.seed.to_string(),
+                run.reports.len().to_string(),
+                short(&run.config.hash()).to_owned(),
+                if changed.is_empty() { "–".to_owned() } else { changed.join(", ") },
+            ],
+        );
+    }
+    Ok(grid)
+}
+
+type Measure = (&'static str, usize, fn(&UpdateReport) -> f64);
+
+/// Name, digits, measure.
+const MEASURES: [Measure; 8] = [
+    ("intrinsic", 3, |r| r.intrinsic_reward),
+    ("loss q(z|s,a)", 3, |r| r.discriminator_state_action.loss),
+    ("loss q(z|s)", 3, |r| r.discriminator_state.loss),
+    ("accuracy q(z|s,a)", 2, |r| r.discriminator_state_action.accuracy),
+    ("accuracy q(z|s)", 2, |r| r.discriminator_state.accuracy),
+    ("D", 3, |r| r.diversity),
+    ("log σ of v", 2, |r| f64::from(r.log_std[0])),
+    ("log σ of ω", 2, |r| f64::from(r.log_std[1])),
+];
+
+/// The measures of each run at each update that it has reached.
+fn measures_grid(runs: &[RunLog], at: &[usize], window: usize) -> Grid {
+    let names = MEASURES.map(|(name, ..)| name);
+    let mut grid = Grid::new(["run", "update", "success", "timeout"].into_iter().chain(names));
+    for run in runs {
+        for &end in at.iter().filter(|&&end| end <= run.reports.len()) {
+            let mut row = vec![run.name.clone(), end.to_string(), success(run, end, window)];
+            row.push(timeouts(run, end, window));
+            for (_, digits, measure) in MEASURES {
+                let mean = run.mean(end, window, |report| Some(measure(report)));
+                row.push(mean.map_or_else(|| "–".to_owned(), |mean| format!("{mean:.digits$}")));
+            }
+            grid.push(false, row);
+        }
+    }
+    grid
+}
+
+fn success(run: &RunLog, end: usize, window: usize) -> String {
+    let (success, ended) = run.episodes(end, window);
+    wilson(success, ended).map_or_else(
+        || "–".to_owned(),
+        |interval| {
+            let rate = success as f64 / ended as f64;
+            format!("{rate:.3} [{:.3}, {:.3}]", interval.low, interval.high)
+        },
+    )
+}
+
+/// Share of the ended episodes that the time limit cut.
+fn timeouts(run: &RunLog, end: usize, window: usize) -> String {
+    let (_, ended) = run.episodes(end, window);
+    let per_update = run.mean(end, window, |report| Some(report.episodes.timeout as f64));
+    let counted = end.min(run.reports.len()).min(window) as f64;
+    match per_update {
+        Some(mean) if ended > 0 => format!("{:.2}", mean * counted / ended as f64),
+        _ => "–".to_owned(),
+    }
+}
