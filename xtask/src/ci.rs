@@ -12,15 +12,22 @@ use clap::Args;
 use crate::output;
 use crate::progress::clock;
 use crate::provenance::workspace;
+use crate::python;
 
 /// Arguments of `ci`.
 #[derive(Args)]
-#[command(after_help = "Example:\n  cargo xtask ci")]
+#[command(after_help = "Examples:\n  cargo xtask ci\n  cargo xtask ci --python")]
 pub(crate) struct CiArgs {
     /// Go on after a failed step and name all of them at the end.
     #[arg(long)]
     keep_going: bool,
+    /// Check the Python package instead, in a virtual environment under target/ that is made for it.
+    #[arg(long)]
+    python: bool,
 }
+
+/// A step at work; whether it passed.
+type Work = dyn Fn() -> Result<bool>;
 
 struct Step {
     name: &'static str,
@@ -62,17 +69,21 @@ const STEPS: [Step; 5] = [
 pub(crate) fn run(args: &CiArgs) -> Result<ExitCode> {
     let mut lines = Vec::new();
     let mut failed = Vec::new();
-    for step in &STEPS {
-        output::note(&format!("ci: {} …", step.name));
+    let steps: Vec<(&str, Box<Work>)> = if args.python {
+        python::STEPS.iter().map(|(name, work)| (*name, Box::new(work) as _)).collect()
+    } else {
+        STEPS.iter().map(|step| (step.name, Box::new(|| run_step(step)) as _)).collect()
+    };
+    for (name, work) in &steps {
+        output::note(&format!("ci: {name} …"));
         let started = Instant::now();
-        let passed = run_step(step)?;
+        let passed = work()?;
         let verdict = if passed { "ok" } else { "FAIL" };
-        let line =
-            format!("ci: {:<9} {:<4} {}\n", step.name, verdict, clock(started.elapsed().as_secs_f64()));
+        let line = format!("ci: {name:<9} {verdict:<4} {}\n", clock(started.elapsed().as_secs_f64()));
         output::result(&line)?;
         lines.push(line);
         if !passed {
-            failed.push(step.name);
+            failed.push(*name);
             if !args.keep_going {
                 break;
             }

@@ -31,6 +31,7 @@ mod plot;
 mod policies;
 mod progress;
 mod provenance;
+mod python;
 mod replay;
 mod reproduce;
 mod run_folder;

@@ -58,8 +58,7 @@ pub fn run_episodes(
 pub(crate) struct Buffers {
     observations: Vec<f32>,
     actions: Vec<[f32; 2]>,
-    robots: Vec<Pedestrian>,
-    motions: Vec<Motion>,
+    walks: Walks,
 }
 
 impl Buffers {
@@ -72,15 +71,16 @@ impl Buffers {
         rooms: &mut Vec<EvalRoom>,
         watch: &mut dyn FnMut(&EvalRoom),
     ) -> Result<Vec<FinishedEpisode>, EvalError> {
-        self.decide(plan, robot, crowd, rooms)?;
-        let n_pedestrians = plan.config.n_pedestrians();
-        // `chunks` refuses a length of 0, which an empty room has.
-        let walks = |i: usize| &self.motions[i * n_pedestrians..(i + 1) * n_pedestrians];
-        let actions = &self.actions;
+        self.actions.clear();
+        self.actions.resize(rooms.len(), [0.0; 2]);
+        let mut rows = rooms.iter().map(EvalRoom::robot_observation);
+        robot.act_rows(&mut rows, &mut self.observations, &mut self.actions);
+        self.walks.decide(plan, crowd, rooms)?;
+        let (actions, walks) = (&self.actions, &self.walks);
         let results: Vec<Option<FinishedEpisode>> = rooms
             .par_iter_mut()
             .enumerate()
-            .map(|(i, room)| room.step(plan, actions[i], walks(i)))
+            .map(|(i, room)| room.step(plan, actions[i], walks.of(i)))
             .collect::<Result<_, EvalError>>()?;
         for room in rooms.iter() {
             watch(room);
@@ -89,22 +89,28 @@ impl Buffers {
         rooms.retain(|_| !ended.next().unwrap_or(false));
         Ok(results.into_iter().flatten().collect())
     }
+}
 
-    fn decide(
+/// What the pedestrians of all rooms do next; keeps its memory from step to step.
+#[derive(Default)]
+pub struct Walks {
+    robots: Vec<Pedestrian>,
+    motions: Vec<Motion>,
+    n_pedestrians: usize,
+}
+
+impl Walks {
+    /// Lets the crowd decide for all rooms at once, with the robot in view where the visibility matrix says so.
+    ///
+    /// # Errors
+    ///
+    /// What the crowd refuses.
+    pub fn decide(
         &mut self,
         plan: &RoomPlan,
-        robot: &mut dyn RobotPolicy,
         crowd: &mut dyn Crowd,
         rooms: &[EvalRoom],
     ) -> Result<(), EvalError> {
-        self.observations.clear();
-        for room in rooms {
-            self.observations.extend_from_slice(room.robot_observation());
-        }
-        self.actions.clear();
-        self.actions.resize(rooms.len(), [0.0; 2]);
-        robot.act(&self.observations, &mut self.actions);
-
         self.robots.clear();
         self.robots.extend(rooms.iter().map(EvalRoom::robot));
         let seen = plan.visibility.robot;
@@ -113,9 +119,20 @@ impl Buffers {
             .zip(&self.robots)
             .map(|(room, robot)| room.view(if seen { std::slice::from_ref(robot) } else { &[] }))
             .collect();
+        self.n_pedestrians = plan.config.n_pedestrians();
         self.motions.clear();
-        self.motions.resize(rooms.len() * plan.config.n_pedestrians(), Motion::STILL);
+        self.motions.resize(rooms.len() * self.n_pedestrians, Motion::STILL);
         crowd.decide(&views, &mut self.motions)?;
         Ok(())
+    }
+
+    /// The motions of room `i` of those last decided for.
+    ///
+    /// # Panics
+    ///
+    /// When there was no such room.
+    pub fn of(&self, i: usize) -> &[Motion] {
+        // `chunks` refuses a length of 0, which an empty room has.
+        &self.motions[i * self.n_pedestrians..(i + 1) * self.n_pedestrians]
     }
 }

@@ -28,7 +28,18 @@ pub trait RobotPolicy: Send {
     /// `observations` [B, row], row-major: scans oldest first, then the goal in the robot's frame and (v, ω), which are
     /// the row's last four numbers. `actions` `[B]`.
     fn act(&mut self, observations: &[f32], actions: &mut [[f32; 2]]);
+
+    /// As [`Self::act`], for rows that do not lie side by side; `memory` is for gathering them. A policy that has a place
+    /// of its own for its batch overrides this and saves a copy.
+    fn act_rows(&mut self, rows: Rows<'_, '_>, memory: &mut Vec<f32>, actions: &mut [[f32; 2]]) {
+        memory.clear();
+        rows.for_each(|row| memory.extend_from_slice(row));
+        self.act(memory, actions);
+    }
 }
+
+/// Observation rows, one after the other.
+pub type Rows<'r, 'o> = &'r mut dyn Iterator<Item = &'o [f32]>;
 
 /// A policy made of a function of one observation.
 pub struct PerRow<F>(F);

@@ -129,8 +129,17 @@ impl EvalRoom {
     ///
     /// If the room is too full for another body.
     pub fn new(plan: &RoomPlan, laser: &Laser, episode: u64) -> Result<Self, EvalError> {
+        Self::seeded(plan, laser, plan.config.seed, episode)
+    }
+
+    /// As [`Self::new`], with a root seed of its own: for rooms that one trains in, whose episodes are not the test's.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::new`].
+    pub fn seeded(plan: &RoomPlan, laser: &Laser, seed: u64, episode: u64) -> Result<Self, EvalError> {
         let (config, sim) = (&plan.config, &plan.config.sim);
-        let streams = Streams::new(config.seed);
+        let streams = Streams::new(seed);
         let shape = Shape::Box { length: sim.robot.length, width: sim.robot.width };
         let mut world = plan.scenario.build()?;
         let mut spawn = streams.stream("eval.spawn", &[episode]);
@@ -252,6 +261,12 @@ impl EvalRoom {
             }
         }
         Ok(None)
+    }
+
+    /// The robot's observation in the state that ended its episode, which a value after a cut-off may need. A test never
+    /// does, so that [`Self::step`] leaves it out.
+    pub fn observe_end(&mut self, plan: &RoomPlan) {
+        self.observe(plan, ROBOT);
     }
 
     /// Moves all bodies, the robot first.

@@ -59,6 +59,8 @@ pub(crate) struct Room {
     pub(crate) episodes: Vec<Episode>,
     motions: Vec<Motion>,
     stalled: Vec<bool>,
+    /// Robots that were taken out of the room.
+    absent: Vec<bool>,
     ranges: Vec<f32>,
 }
 
@@ -94,6 +96,7 @@ impl Room {
             episodes: vec![Episode::default(); n_agents],
             motions: vec![Motion::Still; n_agents],
             stalled: vec![false; n_agents],
+            absent: vec![false; n_agents],
             ranges: vec![0.0; config.laser.beams],
         })
     }
@@ -119,7 +122,11 @@ impl Room {
         self.drive(actions, buffers.transitions);
         let n_agents = self.agents.len();
         for agent in 0..n_agents {
-            self.judge(agent, buffers);
+            if self.absent[agent] {
+                buffers.transitions[agent] = Transition::default();
+            } else {
+                self.judge(agent, buffers);
+            }
         }
         for agent in (0..n_agents).filter(|a| !buffers.transitions[*a].end.is_running()) {
             self.place(agent, n_agents, buffers.tokens)
@@ -128,6 +135,15 @@ impl Room {
         for agent in (0..n_agents).filter(|a| !buffers.transitions[*a].end.is_running()) {
             self.observe_first(agent, buffers.observations);
         }
+    }
+
+    /// Puts a robot beyond the walls, each at a place of its own: no beam and no body gets there.
+    pub(crate) fn remove(&mut self, agent: usize) {
+        let (min, max) = self.world.walls().expect("a room has walls");
+        let body = &self.config.robot;
+        let apart = 2.0 * (body.length + body.width) * (agent + 1) as f32;
+        self.world.set_pose(agent, Pose::new(max + (max - min) + apart, 0.0));
+        self.absent[agent] = true;
     }
 
     /// Clips, limits and executes the actions; velocities are what then holds, (0, 0) for a stalled robot.
@@ -139,7 +155,7 @@ impl Room {
             let [v, w] = apply_limits(self.episodes[agent].velocity, executed, limits, dt);
             transitions[agent].executed = executed;
             self.episodes[agent].velocity = [v, w];
-            self.motions[agent] = Motion::Drive { v, w };
+            self.motions[agent] = if self.absent[agent] { Motion::Still } else { Motion::Drive { v, w } };
         }
         self.world.advance(&self.motions, dt, &mut self.stalled);
         for (episode, stalled) in self.episodes.iter_mut().zip(&self.stalled) {

@@ -165,6 +165,17 @@ impl Rooms {
         &self.finals[agent_idx * width..][..width]
     }
 
+    /// Takes an agent out of its room for good, body and all: the others no longer meet or see it, and from now on its
+    /// actions and its row mean nothing and its transitions are empty. For episodes that all begin together and end one by
+    /// one; training does without it. A batch with agents taken out has no snapshot that [`Rooms::restore`] would take.
+    ///
+    /// # Panics
+    ///
+    /// When there is no such agent.
+    pub fn remove(&mut self, agent_idx: usize) {
+        self.rooms[agent_idx / self.n_agents].remove(agent_idx % self.n_agents);
+    }
+
     /// Steps every room. The actions are samples as they were drawn; their clipped copies are executed.
     ///
     /// # Panics

@@ -190,3 +190,20 @@ fn rooms_that_are_too_full_or_empty_are_refused() {
     assert!(make(6.0, 1, 1, 5).starts_with("spawn.goal_distance: found 10"));
     assert!(make(1.0, 1, 1, 5).starts_with("spawn.wall_clearance: found 1"));
 }
+
+#[test]
+fn the_others_are_as_if_a_removed_agent_had_never_been() {
+    let config = SimConfig::default();
+    let (mut alone, mut both) = (rooms(&config, 1, 1), rooms(&config, 1, 2));
+    both.remove(1);
+    // After three steps nothing of the first scan, in which the other may have stood, is left.
+    for step in 0..20 {
+        alone.step(&[[0.5, 0.1]]);
+        both.step(&[[0.5, 0.1], [1.0, 0.0]]);
+        assert_eq!(both.transitions()[..1], alone.transitions()[..]);
+        assert_eq!(both.transitions()[1], jostle_sim::Transition::default());
+        if step >= 2 {
+            assert_eq!(both.observations()[..config.observation_len()], *alone.observations());
+        }
+    }
+}

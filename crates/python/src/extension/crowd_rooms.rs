@@ -1,0 +1,133 @@
+//! [`CrowdRooms`] for Python: the core of `RoomEnv` and `VectorRooms`.
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use jostle_eval::room::FinishedEpisode;
+use jostle_eval::{EpisodeOutcome, EvalError};
+use pyo3::buffer::PyBuffer;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use super::arguments::{Keywords, check_threads, episode_info, no_row, pairs, value_error, write_row};
+use crate::crowd_rooms::{CrowdRooms, training_seed};
+
+/// Rooms with one robot each among a crowd.
+#[pyclass(name = "CrowdRooms", module = "jostle._jostle", frozen)]
+pub(super) struct PyCrowdRooms {
+    rooms: Mutex<CrowdRooms>,
+}
+
+/// The ended rooms of a step: index and information.
+type Ended<'py> = Vec<(usize, Bound<'py, PyDict>)>;
+
+#[pymethods]
+impl PyCrowdRooms {
+    #[new]
+    fn new(py: Python<'_>, keywords: Keywords, n_rooms: usize) -> PyResult<Self> {
+        let settings = keywords.settings(&keywords.base()?)?;
+        let rooms = py.detach(|| CrowdRooms::new(settings, n_rooms)).map_err(value_error)?;
+        Ok(Self { rooms: Mutex::new(rooms) })
+    }
+
+    /// Length of an observation row.
+    #[getter]
+    fn observation_len(&self) -> usize {
+        self.lock().plan().config.sim.observation_len()
+    }
+
+    /// The robot's largest linear and angular velocity (m/s, rad/s).
+    #[getter]
+    fn limits(&self) -> [f32; 2] {
+        let rooms = self.lock();
+        let robot = &rooms.plan().config.sim.robot;
+        [robot.v_max, robot.w_max]
+    }
+
+    /// Least and largest observation row.
+    fn bounds(&self) -> [Vec<f32>; 2] {
+        self.lock().bounds()
+    }
+
+    /// Starts room i at the first training episode of a seed, or, with `episode`, at that episode of the test of the seed, and
+    /// writes its first observation into row i.
+    fn begin(
+        &self,
+        i: usize,
+        seed: u64,
+        episode: Option<u64>,
+        observations: Bound<'_, PyAny>,
+    ) -> PyResult<()> {
+        let (seed, episode) = episode.map_or_else(|| (training_seed(seed), 0), |episode| (seed, episode));
+        self.begin_by(i, &observations, |rooms| rooms.begin(i, seed, episode))
+    }
+
+    /// Starts the next episode in room i and writes its first observation into row i.
+    fn begin_next(&self, i: usize, observations: Bound<'_, PyAny>) -> PyResult<()> {
+        self.begin_by(i, &observations, |rooms| rooms.begin_next(i))
+    }
+
+    /// Steps all rooms, writes into the arrays, and lists the rooms whose episode ended as (i, info).
+    fn step<'py>(
+        &self,
+        py: Python<'py>,
+        actions: PyBuffer<f32>,
+        observations: Bound<'py, PyAny>,
+        rewards: PyBuffer<f64>,
+        terminated: PyBuffer<u8>,
+        truncated: PyBuffer<u8>,
+    ) -> PyResult<Ended<'py>> {
+        let actions = pairs(py, &actions)?;
+        let needs_threads = self.lock().needs_threads();
+        check_threads(needs_threads)?;
+        let steps = py.detach(|| self.lock().step(&actions)).map_err(value_error)?;
+        for (i, room) in self.lock().rooms().iter().enumerate() {
+            write_row(&observations, i, room.robot_observation())?;
+        }
+        let worth: Vec<f64> = steps.iter().map(|step| f64::from(step.reward)).collect();
+        let timeout = |end: &FinishedEpisode| end.outcome == EpisodeOutcome::Timeout;
+        let cut: Vec<u8> = steps.iter().map(|step| step.end.as_ref().is_some_and(timeout).into()).collect();
+        let over: Vec<u8> =
+            steps.iter().map(|step| step.end.as_ref().is_some_and(|end| !timeout(end)).into()).collect();
+        rewards.copy_from_slice(py, &worth)?;
+        truncated.copy_from_slice(py, &cut)?;
+        terminated.copy_from_slice(py, &over)?;
+        let ended = steps.iter().enumerate().filter_map(|(i, step)| Some((i, step.end.as_ref()?)));
+        ended.map(|(i, end)| Ok((i, episode_info(py, end)?))).collect()
+    }
+
+    /// Who stands where in room i, in world coordinates: for each body x, y, heading, velocity x and y, goal x and y.
+    fn state<'py>(&self, py: Python<'py>, i: usize) -> PyResult<Bound<'py, PyDict>> {
+        let rooms = self.lock();
+        let room = rooms.rooms().get(i).ok_or_else(|| no_row(i))?;
+        let body = |p: &jostle_peds::Pedestrian| {
+            [p.position.x, p.position.y, p.heading, p.velocity.x, p.velocity.y, p.goal.x, p.goal.y]
+        };
+        let state = PyDict::new(py);
+        state.set_item("robot", body(&room.robot()))?;
+        state.set_item("pedestrians", room.pedestrians().iter().map(body).collect::<Vec<_>>())?;
+        state.set_item("ranges", room.robot_ranges().to_vec())?;
+        state.set_item("episode_index", room.episode())?;
+        Ok(state)
+    }
+}
+
+impl PyCrowdRooms {
+    fn lock(&self) -> MutexGuard<'_, CrowdRooms> {
+        // A panic leaves rooms that can still be begun anew.
+        self.rooms.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn begin_by(
+        &self,
+        i: usize,
+        observations: &Bound<'_, PyAny>,
+        begin: impl FnOnce(&mut CrowdRooms) -> Result<(), EvalError>,
+    ) -> PyResult<()> {
+        let mut rooms = self.lock();
+        if i >= rooms.rooms().len() {
+            return Err(no_row(i));
+        }
+        begin(&mut rooms).map_err(value_error)?;
+        write_row(observations, i, rooms.rooms()[i].robot_observation())
+    }
+}

@@ -1,0 +1,129 @@
+//! The test of a policy from Python: the protocol of `cargo xtask evaluate`, with a Python function as the robot.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use jostle_eval::robot::Rows;
+use jostle_eval::{EvalError, PolicyIdentity, Protocol, RobotPolicy, Subject, TrainedRobot};
+use pyo3::buffer::PyBuffer;
+use pyo3::prelude::*;
+
+use super::arguments::{Keywords, check_threads, value_error, write_row};
+use super::policy::PyPolicy;
+use crate::settings::Settings;
+
+/// What a test found: its result and its records as JSON, as the command line writes them, and the number of agents.
+type Found = (String, String, usize);
+
+/// Tests a function. `act(observations, n)` answers n actions for the first n rows of an array
+/// that `zeros` made for (rows, `observation_len`), which is the same in every call.
+#[pyfunction]
+pub(super) fn evaluate(
+    py: Python<'_>,
+    act: Py<PyAny>,
+    zeros: Bound<'_, PyAny>,
+    name: &str,
+    keywords: Keywords,
+    episodes: u64,
+    seed: u64,
+    lock_step: usize,
+) -> PyResult<Found> {
+    let mut settings = keywords.settings(&keywords.base()?)?;
+    (settings.config.lock_step, settings.config.seed) = (lock_step, seed);
+    settings.config.validate().map_err(value_error)?;
+    let failure = Arc::default();
+    let width = settings.config.sim.observation_len();
+    let n_rows = usize::try_from(episodes).map_or(lock_step, |episodes| episodes.min(lock_step));
+    let observations = zeros.call1(((n_rows, width),))?.unbind();
+    let mut robot = PythonRobot { act, observations, width, failure: Arc::clone(&failure) };
+    let identity = PolicyIdentity::custom(name, "");
+    let run = run(py, settings, &mut robot, &Subject { identity: &identity, token: 0 }, episodes);
+    // An exception of Python's comes before the refusal that it led to.
+    if let Some(error) = failure.lock().unwrap_or_else(PoisonError::into_inner).take() {
+        return Err(error);
+    }
+    run
+}
+
+/// Tests a trained policy, without a way through Python. Simulator and number of agents are
+/// those of its training unless the keywords say otherwise.
+#[pyfunction]
+pub(super) fn evaluate_policy(
+    py: Python<'_>,
+    policy: &PyPolicy,
+    keywords: Keywords,
+    episodes: u64,
+    seed: u64,
+    lock_step: usize,
+) -> PyResult<Found> {
+    let mut base = keywords.base()?;
+    if !keywords.has_base() {
+        base.sim = policy.loaded.sim_config().map_err(value_error)?;
+        base.n_agents = usize::try_from(policy.loaded.file.provenance.n_agents).map_err(value_error)?;
+    }
+    let mut settings = keywords.settings(&base)?;
+    (settings.config.lock_step, settings.config.seed) = (lock_step, seed);
+    jostle_eval::crowds::check_observation(&settings.config, &policy.loaded).map_err(value_error)?;
+    let mut robot =
+        TrainedRobot::new(&policy.loaded, policy.token, settings.config.backend).map_err(value_error)?;
+    let subject = Subject { identity: &policy.loaded.identity, token: policy.token };
+    run(py, settings, &mut robot, &subject, episodes)
+}
+
+fn run(
+    py: Python<'_>,
+    settings: Settings,
+    robot: &mut dyn RobotPolicy,
+    subject: &Subject<'_>,
+    episodes: u64,
+) -> PyResult<Found> {
+    check_threads(true)?;
+    let Settings { config, crowd, pools } = settings;
+    let n_agents = config.n_agents;
+    py.detach(|| {
+        let run = Protocol::new(config, pools)?.evaluate(robot, *subject, crowd, episodes, None, |_| ())?;
+        let text = |json: serde_json::Result<String>| json.expect("results and records are always JSON");
+        let (result, records) = (serde_json::to_string(&run.result), serde_json::to_string(&run.records));
+        Ok((text(result), text(records), n_agents))
+    })
+    .map_err(|error: EvalError| value_error(error))
+}
+
+/// A robot that a Python function drives. The rooms write what they see straight into Python's array.
+struct PythonRobot {
+    act: Py<PyAny>,
+    observations: Py<PyAny>,
+    width: usize,
+    failure: Arc<Mutex<Option<PyErr>>>,
+}
+
+impl PythonRobot {
+    fn ask(&self, rows: Rows<'_, '_>, actions: &mut [[f32; 2]]) -> PyResult<()> {
+        Python::attach(|py| {
+            let observations = self.observations.bind(py);
+            for (i, row) in rows.enumerate() {
+                write_row(observations, i, row)?;
+            }
+            let answer = self.act.bind(py).call1((observations, actions.len()))?;
+            let answer: PyBuffer<f32> = answer.extract()?;
+            if answer.shape() != [actions.len(), 2] {
+                let (found, expected) = (answer.shape(), [actions.len(), 2]);
+                return Err(value_error(format!("actions: found shape {found:?}, expected {expected:?}")));
+            }
+            answer.copy_to_slice(py, actions.as_flattened_mut())
+        })
+    }
+}
+
+impl RobotPolicy for PythonRobot {
+    fn act(&mut self, observations: &[f32], actions: &mut [[f32; 2]]) {
+        self.act_rows(&mut observations.chunks_exact(self.width), &mut Vec::new(), actions);
+    }
+
+    fn act_rows(&mut self, rows: Rows<'_, '_>, _memory: &mut Vec<f32>, actions: &mut [[f32; 2]]) {
+        if let Err(error) = self.ask(rows, actions) {
+            *self.failure.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
+            // The rooms refuse it at once, so that the test ends here.
+            actions.fill([f32::NAN; 2]);
+        }
+    }
+}

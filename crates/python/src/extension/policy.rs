@@ -1,0 +1,76 @@
+//! A trained policy for Python: observations in, mean actions out.
+
+use std::path::PathBuf;
+use std::sync::{Mutex, PoisonError};
+
+use jostle_eval::{LoadedPolicy, RobotPolicy as _, TrainedRobot};
+use jostle_policy::Backend;
+use pyo3::buffer::PyBuffer;
+use pyo3::prelude::*;
+
+use super::arguments::{check_threads, value_error};
+
+/// A policy from a checkpoint, with one behaviour token.
+#[pyclass(name = "Policy", module = "jostle._jostle", frozen)]
+pub(super) struct PyPolicy {
+    pub(super) loaded: LoadedPolicy,
+    pub(super) token: u32,
+    robot: Mutex<TrainedRobot>,
+}
+
+#[pymethods]
+impl PyPolicy {
+    #[new]
+    fn new(path: PathBuf, token: u32) -> PyResult<Self> {
+        let loaded = LoadedPolicy::load(&path).map_err(value_error)?;
+        let robot = TrainedRobot::new(&loaded, token, Backend::default()).map_err(value_error)?;
+        Ok(Self { loaded, token, robot: Mutex::new(robot) })
+    }
+
+    /// What it is called in a report.
+    #[getter]
+    fn name(&self) -> &str {
+        &self.loaded.identity.name
+    }
+
+    /// SHA-256 of its file.
+    #[getter]
+    fn sha256(&self) -> &str {
+        &self.loaded.identity.sha256
+    }
+
+    /// Behaviour token.
+    #[getter]
+    fn token(&self) -> u32 {
+        self.token
+    }
+
+    /// Number of behaviours, M.
+    #[getter]
+    fn n_behaviours(&self) -> usize {
+        self.loaded.file.network.n_behaviours
+    }
+
+    /// Length of an observation row.
+    #[getter]
+    fn observation_len(&self) -> usize {
+        self.loaded.file.network.observation_len()
+    }
+
+    /// Writes the mean action of every row.
+    fn act(&self, py: Python<'_>, observations: PyBuffer<f32>, actions: PyBuffer<f32>) -> PyResult<()> {
+        let (found, expected) = (observations.shape(), self.observation_len());
+        if found.len() != 2 || found[1] != expected || actions.shape() != [found[0], 2] {
+            return Err(value_error(format!(
+                "observations: found shape {found:?}, expected rows of {expected}"
+            )));
+        }
+        check_threads(found[0] > 1)?;
+        let (rows, mut answers) = (observations.to_vec(py)?, vec![[0.0; 2]; found[0]]);
+        py.detach(|| {
+            let mut robot = self.robot.lock().unwrap_or_else(PoisonError::into_inner);
+            robot.act(&rows, &mut answers);
+        });
+        actions.copy_from_slice(py, answers.as_flattened())
+    }
+}

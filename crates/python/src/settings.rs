@@ -1,0 +1,110 @@
+//! What a Python caller may set: a training file, keys of it, the crowd, the number of pedestrians, who sees the robot.
+
+use std::path::{Path, PathBuf};
+
+use jostle_eval::{EvalConfig, EvalError, LoadedPolicy, Pools};
+use jostle_peds::{CrowdKind, Visibility, VisibilityMatrix};
+use jostle_ppo::{Config, PpoError};
+
+/// Everything that a room among a crowd is made from.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// Room, robot, laser, crowds, number of agents.
+    pub config: EvalConfig,
+    /// The crowd.
+    pub crowd: CrowdKind,
+    /// The pedestrians' policies, for crowds that need them.
+    pub pools: Pools,
+}
+
+impl Settings {
+    /// Settings for a crowd.
+    ///
+    /// `base` is the training configuration, of which the simulator and the number of agents are taken;
+    /// `n_pedestrians` and `robot_visible` override its number and the crowd's row of the visibility matrix. `pool` holds the
+    /// files of the policies that drive the pedestrians (half-trained ones for SO).
+    ///
+    /// # Errors
+    ///
+    /// A policy that cannot be read, a setting out of range.
+    pub fn new(
+        base: &Config,
+        crowd: CrowdKind,
+        n_pedestrians: Option<usize>,
+        robot_visible: Option<bool>,
+        pool: &[PathBuf],
+    ) -> Result<Self, EvalError> {
+        let loaded: Vec<LoadedPolicy> =
+            pool.iter().map(|path| LoadedPolicy::load(path)).collect::<Result<_, _>>()?;
+        let mut config =
+            EvalConfig { sim: base.sim.clone(), n_agents: base.n_agents, ..EvalConfig::default() };
+        if let Some(n_pedestrians) = n_pedestrians {
+            config.n_agents = n_pedestrians.saturating_add(1);
+        }
+        if let Some(robot) = robot_visible {
+            let row = row_mut(&mut config.crowds.visibility, crowd);
+            *row = Visibility { robot, ..*row };
+        }
+        config.validate()?;
+        Ok(Self { config, crowd, pools: Pools { full: loaded.clone(), half: loaded } })
+    }
+}
+
+/// Reads a training configuration, or the paper's where there is no file, and applies `key=value` overrides.
+///
+/// # Errors
+///
+/// As [`Config::load`].
+pub fn base(file: Option<&Path>, overrides: &[String]) -> Result<Config, PpoError> {
+    match file {
+        Some(path) => Config::load(path, overrides),
+        None => Config::parse("", "settings", overrides),
+    }
+}
+
+fn row_mut(matrix: &mut VisibilityMatrix, crowd: CrowdKind) -> &mut Visibility {
+    match crowd {
+        CrowdKind::Nh => &mut matrix.nh,
+        CrowdKind::In => &mut matrix.r#in,
+        CrowdKind::Va => &mut matrix.va,
+        CrowdKind::So => &mut matrix.so,
+        CrowdKind::Vo => &mut matrix.vo,
+        CrowdKind::Sf => &mut matrix.sf,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sf(n_pedestrians: Option<usize>, robot_visible: Option<bool>) -> Settings {
+        let base = base(None, &["n_agents=4".to_owned()]).unwrap();
+        Settings::new(&base, CrowdKind::Sf, n_pedestrians, robot_visible, &[]).unwrap()
+    }
+
+    #[test]
+    fn what_is_not_given_is_the_configurations() {
+        assert_eq!(sf(None, None).config.n_pedestrians(), 3);
+        assert_eq!(sf(Some(7), None).config.n_pedestrians(), 7);
+        assert_eq!(sf(None, None).config.crowds, EvalConfig::default().crowds);
+        for crowd in CrowdKind::ALL {
+            let base = base(None, &[]).unwrap();
+            for robot in [false, true] {
+                let settings = Settings::new(&base, crowd, None, Some(robot), &[]).unwrap();
+                assert_eq!(
+                    settings.config.crowds.visibility.of(crowd),
+                    Visibility { pedestrians: true, robot }
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn mistakes_are_one_line() {
+        let error = base(None, &["sim.laser.beam=3".to_owned()]).unwrap_err().to_string();
+        assert_eq!(error, "--set sim.laser.beam=3: sim.laser.beam: found an unknown key, expected beams");
+        let base = base(None, &[]).unwrap();
+        let error = Settings::new(&base, CrowdKind::Sf, Some(usize::MAX), None, &[]).unwrap_err().to_string();
+        assert!(error.starts_with("n_agents: found") && error.lines().count() == 1, "{error}");
+    }
+}

@@ -1,0 +1,128 @@
+"""One robot among a crowd: a Gymnasium environment."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import gymnasium
+import numpy as np
+from gymnasium.spaces import Box
+from numpy.typing import ArrayLike, NDArray
+
+from . import _jostle
+from ._keywords import Pool, Setting, StrPath, count, keywords
+
+Float32 = NDArray[np.float32]
+
+
+def spaces(core: _jostle.CrowdRooms | _jostle.RobotRoom) -> tuple[Box, Box]:
+    """The spaces of one robot's observation and action."""
+    low, high = (np.array(bound, np.float32) for bound in core.bounds())
+    limits = np.array(core.limits, np.float32)
+    return Box(low, high, dtype=np.float32), Box(limits * np.float32([0, -1]), limits, dtype=np.float32)
+
+
+def state(core: _jostle.CrowdRooms, i: int) -> dict[str, Any]:
+    """Who stands where in room i, as arrays."""
+    found = core.state(i)
+    found["pedestrians"] = np.array(found["pedestrians"], np.float32).reshape(-1, 7)
+    return {key: np.array(value, np.float32) if isinstance(value, list) else value for key, value in found.items()}
+
+
+class RoomEnv(gymnasium.Env[Float32, Float32]):
+    """A robot with a 2D laser crosses a room full of people.
+
+    Observation: ``float32[1540]``, three scans of 512 beams, oldest first, each range/10 − 0.5 with the first beam straight
+    ahead and counter-clockwise from there; then the goal in the robot's frame (x forward, y left, m); then v (m/s) and
+    ω (rad/s). :func:`jostle.split` names the parts.
+
+    Action: ``float32[2]``, v in [0, 1] m/s and ω in [−1, 1] rad/s for 0.1 s; what is beyond is clipped.
+
+    Reward: +15 at the goal (nearer than 0.5 m), −15 at a crash (a range below 0.5 m), else 2.5 times the metres gained; less
+    0.1·|ω| where |ω| > 0.7 rad/s. Goal and crash terminate, 400 steps truncate. The last step's information holds ``outcome``
+    (success, collision_wall, collision_pedestrian, timeout), ``is_success``, ``episode_index``, ``steps``, ``path_length`` and
+    ``straight_distance`` (m).
+
+    The same seed gives the same bytes. Episodes that one trains in are never those of :func:`jostle.evaluate`;
+    ``reset(seed=s, options={"test_episode": k})`` goes to episode k of its test with seed s (0 if there is none).
+
+    Args:
+        crowd: NH, IN, VA, SO (these need ``pool``), VO or SF.
+        n_pedestrians: how many walk about; those of the configuration (4) if left out.
+        robot_visible: whether pedestrians see the robot; the crowd's own rule if left out.
+        pool: policies that drive learned pedestrians: checkpoint files, run folders, or folders of either.
+        config: a TOML file as ``cargo xtask train`` reads it, of which the simulator is taken.
+        settings: keys of it by their dotted names, such as ``{"sim.laser.noise_std": 0.0}``.
+        copy: whether every step returns an array of its own. If not, all return the same one, and the next step
+            overwrites it.
+
+    Raises:
+        ValueError: one line with the setting, what was found and what was expected.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": []}
+
+    def __init__(
+        self,
+        crowd: str = "SF",
+        *,
+        n_pedestrians: int | None = None,
+        robot_visible: bool | None = None,
+        pool: Pool | None = None,
+        config: StrPath | None = None,
+        settings: Mapping[str, Setting] | None = None,
+        copy: bool = True,
+        render_mode: None = None,
+    ) -> None:
+        if render_mode is not None:
+            raise ValueError(f"render_mode: found {render_mode!r}, expected None; `cargo xtask replay` shows episodes")
+        words = keywords(
+            crowd,
+            n_pedestrians=n_pedestrians,
+            robot_visible=robot_visible,
+            pool=pool,
+            config=config,
+            settings=settings,
+        )
+        self._core = _jostle.CrowdRooms(words, 1)
+        self.observation_space, self.action_space = spaces(self._core)
+        self.render_mode = None
+        self.copy = copy
+        self._seeded = False
+        self._observations = np.zeros((1, self._core.observation_len), np.float32)
+        self._reward, self._ends = np.zeros(1, np.float64), np.zeros((2, 1), np.uint8)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Float32, dict[str, Any]]:
+        """Starts an episode: the first of a seed, the next of the present one, or an episode of the test."""
+        super().reset(seed=seed)
+        episode = count("test_episode", (options or {}).get("test_episode"), least=0)
+        observations = self._target()
+        if episode is not None:
+            self._core.begin(0, seed or 0, episode, observations)
+        elif seed is not None or not self._seeded:
+            self._core.begin(0, int(self.np_random.integers(2**63)) if seed is None else seed, None, observations)
+        else:
+            self._core.begin_next(0, observations)
+        # After an episode of the test, the next of its seed would be the test's, too.
+        self._seeded = episode is None
+        return observations[0], {}
+
+    def step(self, action: ArrayLike) -> tuple[Float32, float, bool, bool, dict[str, Any]]:
+        """Drives for one control period."""
+        actions = np.ascontiguousarray(action, np.float32).reshape(1, -1)
+        observations, (terminated, truncated) = self._target(), self._ends
+        ended = self._core.step(actions, observations, self._reward, terminated, truncated)
+        info = ended[0][1] if ended else {}
+        return observations[0], float(self._reward[0]), bool(terminated[0]), bool(truncated[0]), info
+
+    def state(self) -> dict[str, Any]:
+        """Who stands where, in world coordinates: ``robot`` float32[7] and ``pedestrians`` float32[n, 7] (x, y, heading, velocity
+        x, y, goal x, y), ``ranges`` float32[512] without noise (m), ``episode_index``. For plots and for critics that may know more
+        than the robot."""
+        return state(self._core, 0)
+
+    def _target(self) -> Float32:
+        return np.empty_like(self._observations) if self.copy else self._observations

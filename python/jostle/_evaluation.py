@@ -1,0 +1,127 @@
+"""The test: a policy in the same episodes as every other, among a crowd that it never met."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Union
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from . import _jostle
+from ._env import Float32
+from ._keywords import Pool, Setting, StrPath, count, keywords
+from ._policy import Policy
+
+Robot = Union[Callable[[Float32], ArrayLike], Policy]
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """What a test found. Times are in seconds, distances in metres, speeds in m/s; means and sample standard deviations are
+    taken over the successes and are ``None`` where there are too few."""
+
+    name: str
+    crowd: str
+    n_agents: int
+    seed: int
+    episodes: int
+    success: int
+    collision_wall: int
+    collision_pedestrian: int
+    timeout: int
+    success_rate: float
+    #: 95 % Wilson interval of the success rate.
+    wilson_95: tuple[float, float]
+    #: (mean, sample standard deviation).
+    extra_time: tuple[float | None, float | None]
+    extra_distance: tuple[float | None, float | None]
+    average_speed: tuple[float | None, float | None]
+    #: One dictionary for each episode, in order, as the records that `cargo xtask evaluate` writes.
+    records: list[dict[str, Any]] = field(repr=False)
+
+    def __str__(self) -> str:
+        low, high = self.wilson_95
+        return (
+            f"{self.name} in {self.crowd}: success {self.success_rate:.3f} ({low:.3f}–{high:.3f}) of {self.episodes} episodes, "
+            f"hit wall {self.collision_wall}, hit pedestrian {self.collision_pedestrian}, timeout {self.timeout}"
+        )
+
+
+def evaluate(
+    fn: Robot,
+    crowd: str = "SF",
+    *,
+    episodes: int = 1000,
+    seed: int = 0,
+    n_pedestrians: int | None = None,
+    robot_visible: bool | None = None,
+    pool: Pool | None = None,
+    config: StrPath | None = None,
+    settings: Mapping[str, Setting] | None = None,
+    batch: int = 256,
+    name: str | None = None,
+) -> Evaluation:
+    """Tests a policy by the protocol of ``cargo xtask evaluate``: the same episodes, outcomes and figures.
+
+    Args:
+        fn: a function of observations ``float32[B, 1540]`` that answers with actions ``[B, 2]`` (v in m/s, ω in rad/s; clipped),
+            or a :class:`jostle.Policy`, which is tested without a way through Python. B changes from call to call, and rows
+            belong to different episodes: an action must be a function of its own row alone. The array is written anew for
+            every call; copy what is to be kept. A policy with a memory is tested by
+            ``RoomEnv.reset(options={"test_episode": k})``.
+        crowd: NH, IN, VA, SO (these need ``pool``), VO or SF.
+        episodes: episodes 0 up to this; episode k is the same for every policy.
+        seed: root seed of starts, goals, noise and pedestrians.
+        batch: the most episodes that run side by side. Changes speed and memory alone.
+        name: what to call the policy.
+
+    The other keywords are those of :class:`jostle.RoomEnv`; for a `Policy`, simulator and number of pedestrians are those of
+    its training unless they are given.
+
+    Raises:
+        ValueError: one line with what was found and what was expected.
+        Exception: whatever ``fn`` raises.
+    """
+    words = keywords(
+        crowd,
+        n_pedestrians=n_pedestrians,
+        robot_visible=robot_visible,
+        pool=pool,
+        config=config,
+        settings=settings,
+    )
+    count("episodes", episodes, least=1)
+    count("batch", batch, least=1)
+    count("seed", seed, least=0)
+    if isinstance(fn, Policy):
+        found = _jostle.evaluate_policy(fn.core, words, episodes, seed, batch)
+        name = name or fn.name
+    else:
+
+        def act(observations: Float32, n: int) -> Float32:
+            return np.ascontiguousarray(fn(observations[:n]), np.float32)
+
+        name = name or getattr(fn, "__name__", type(fn).__name__)
+        def zeros(shape: tuple[int, int]) -> Float32:
+            return np.zeros(shape, np.float32)
+
+        found = _jostle.evaluate(act, zeros, name, words, episodes, seed, batch)
+    result, records, n_agents = found
+    summary = json.loads(result)["summary"]
+    pair = {key: (summary[key]["mean"], summary[key]["std"]) for key in ("extra_time", "extra_distance", "average_speed")}
+    counts = {key: summary[key] for key in ("episodes", "success", "collision_wall", "collision_pedestrian", "timeout")}
+    interval = summary["wilson_95"]
+    return Evaluation(
+        name=name,
+        crowd=crowd,
+        n_agents=n_agents,
+        seed=seed,
+        success_rate=summary["success_rate"],
+        wilson_95=(interval["low"], interval["high"]),
+        records=json.loads(records),
+        **counts,
+        **pair,
+    )

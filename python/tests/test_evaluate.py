@@ -1,0 +1,143 @@
+"""`evaluate` against the command line, against single rooms, and against mistakes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import seek
+
+import jostle
+
+
+@pytest.mark.parametrize("crowd", ["NH", "SO", "SF"])
+def test_a_policy_through_python_is_the_policy_on_the_command_line(
+    crowd: str, pool: Path, xtask: Callable[..., str], tmp_path: Path
+) -> None:
+    run = pool / "run1"
+    xtask("evaluate", run, "--crowds", crowd, "--episodes", 12, "--seed", 3, "--pool", pool, "--out", tmp_path)
+    (report,) = tmp_path.glob("*.json")
+    (cell,) = json.loads(report.read_text())["cells"]
+    (records,) = (tmp_path / "records").glob("*.ndjson")
+    expected = [json.loads(line) for line in records.read_text().splitlines()]
+
+    policy = jostle.Policy(run)
+    keywords = {"crowd": crowd, "episodes": 12, "seed": 3, "pool": pool}
+    native = jostle.evaluate(policy, **keywords)
+    through_python = jostle.evaluate(lambda rows: policy(rows), **keywords)
+    assert native.records == expected
+    for found in (native, through_python):
+        summary = cell["summary"]
+        assert found.n_agents == 5
+        for key in ("episodes", "success", "collision_wall", "collision_pedestrian", "timeout", "success_rate"):
+            assert getattr(found, key) == summary[key]
+        assert found.wilson_95 == (summary["wilson_95"]["low"], summary["wilson_95"]["high"])
+        for key in ("extra_time", "extra_distance", "average_speed"):
+            assert getattr(found, key) == (summary[key]["mean"], summary[key]["std"])
+        # The function has another name than the policy's file, and so another cell and provenance.
+        what = expected[0].keys() - {"cell", "provenance"}
+        assert {"outcome", "steps", "start", "goal", "path_length"} <= what
+        assert [[r[key] for key in what] for r in found.records] == [[r[key] for key in what] for r in expected]
+
+
+@pytest.mark.parametrize("crowd", ["VO", "SF"])
+def test_a_room_goes_through_the_episodes_of_the_test(crowd: str) -> None:
+    found = jostle.evaluate(seek, crowd, episodes=10, seed=2)
+    assert found.success + found.collision_wall + found.collision_pedestrian + found.timeout == 10
+    assert found.success > 0
+    env = jostle.RoomEnv(crowd)
+    for record in found.records:
+        observation, _ = env.reset(seed=2, options={"test_episode": record["episode"]})
+        ended = False
+        while not ended:
+            observation, _, terminated, truncated, info = env.step(seek(observation[None])[0])
+            ended = terminated or truncated
+        assert (info["outcome"], info["steps"]) == (record["outcome"], record["steps"])
+        assert info["path_length"] == record["path_length"]
+
+
+def test_training_never_meets_the_tests_episodes() -> None:
+    env = jostle.RoomEnv("SF")
+    training = [tuple(env.reset(seed=seed)[0][-4:-2]) for seed in range(5)]
+    test = [tuple(env.reset(seed=s, options={"test_episode": k})[0][-4:-2]) for s in range(5) for k in range(5)]
+    assert not set(training) & set(test)
+
+
+def test_the_batch_changes_nothing_but_speed() -> None:
+    few = jostle.evaluate(seek, "VO", episodes=9, batch=2)
+    sizes = []
+
+    def watched(rows: np.ndarray) -> np.ndarray:
+        sizes.append(len(rows))
+        return seek(rows)
+
+    many = jostle.evaluate(watched, "VO", episodes=9, name="seek")
+    # `name` and records are all that an evaluation holds beside the figures.
+    assert few == many
+    assert sizes[0] == 9 and sizes[-1] == 1
+
+
+def test_every_call_gets_the_same_memory() -> None:
+    where = set()
+
+    def watched(rows: np.ndarray) -> np.ndarray:
+        assert rows.dtype == np.float32 and rows.flags.c_contiguous
+        where.add(rows.__array_interface__["data"][0])
+        return seek(rows)
+
+    jostle.evaluate(watched, "SF", episodes=5)
+    assert len(where) == 1
+
+
+@pytest.mark.parametrize(
+    ("fn", "message"),
+    [
+        (lambda rows: np.zeros((len(rows), 3)), "actions: found shape [4, 3], expected [4, 2]"),
+        (lambda rows: np.zeros((1, 2)), "actions: found shape [1, 2], expected [4, 2]"),
+        (lambda rows: np.full((len(rows), 2), np.inf), "episode 0, step 0: the robot's action is (inf, inf)"),
+        (lambda rows: "left", "could not convert string to float: 'left'"),
+    ],
+)
+def test_wrong_answers_are_one_line(fn: Callable, message: str) -> None:
+    with pytest.raises(ValueError) as error:
+        jostle.evaluate(fn, "SF", episodes=4)
+    assert str(error.value).startswith(message)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, ZeroDivisionError])
+def test_what_a_policy_raises_arrives(error: type[BaseException]) -> None:
+    def tired(rows: np.ndarray) -> np.ndarray:
+        raise error
+
+    with pytest.raises(error):
+        jostle.evaluate(tired, "SF", episodes=4)
+
+
+def test_mistakes_are_one_line(pool: Path, tmp_path: Path) -> None:
+    for keywords, message in [
+        ({"episodes": 0}, "episodes: found 0, expected a whole number from 1 on"),
+        ({"batch": 0}, "batch: found 0, expected a whole number from 1 on"),
+        ({"seed": -1}, "seed: found -1, expected a whole number from 0 on"),
+        ({"crowd": "SO", "pool": tmp_path}, f"pool: {tmp_path} holds no run folder and no checkpoint"),
+        ({"crowd": "SO", "pool": pool / "run1/checkpoints/000001.safetensors"}, "pool: crowd SO needs"),
+    ]:
+        with pytest.raises(ValueError) as error:
+            jostle.evaluate(seek, **keywords)
+        assert str(error.value).startswith(message)
+    with pytest.raises(ValueError, match="^token: found 1, expected less than the policy's 1 behaviours$"):
+        jostle.Policy(pool / "run1", token=1)
+
+
+def test_a_policy_answers_rows_and_single_observations(pool: Path) -> None:
+    policy = jostle.Policy(pool / "run1")
+    rows = np.stack([jostle.RoomEnv("SF").reset(seed=seed)[0] for seed in range(3)])
+    actions = policy(rows)
+    assert actions.shape == (3, 2) and np.isfinite(actions).all()
+    assert (actions[:, 0] >= 0).all() and (np.abs(actions[:, 1]) <= 1).all()
+    np.testing.assert_array_equal(policy(rows[1]), actions[1])
+    with pytest.raises(ValueError, match=r"^observations: found shape \[1, 3\], expected rows of 1540$"):
+        policy(np.zeros(3))
