@@ -7,7 +7,7 @@ use clap::{Parser, Subcommand};
 
 use crate::{
     bench, chaos, ci, compare, config_explain, conformance, demo, doctor, evaluate, fuzz, milestones, output,
-    plot, replay, reproduce, runs, tensorboard, train,
+    plot, replay, reproduce, runs, ship, tensorboard, train, verify,
 };
 
 /// Exit status of a command line that cannot be read.
@@ -32,8 +32,12 @@ pub(crate) enum Command {
     Train(train::TrainArgs),
     /// Test a checkpoint among crowds that it never met.
     Evaluate(evaluate::EvaluateArgs),
-    /// Train what a table of the paper needs, test it, and print the table beside the paper's figures.
+    /// Print the paper's tables, figures and claims beside our own: from shipped policies, or trained from nothing.
     Reproduce(reproduce::ReproduceArgs),
+    /// Put the policies of finished runs into `checkpoints/`, with a manifest.
+    Ship(ship::ShipArgs),
+    /// Verify what is shipped: files, training curves, stored results.
+    Verify(verify::VerifyArgs),
     /// Run our code on fixtures made by independent software.
     Conformance(conformance::ConformanceArgs),
     /// Kill training and evaluation at random moments, resume, and compare with an uninterrupted run.
@@ -71,6 +75,8 @@ impl Command {
             Self::Train(args) => train::run(&args),
             Self::Evaluate(args) => evaluate::run(&args),
             Self::Reproduce(args) => reproduce::run(&args),
+            Self::Ship(args) => ship::run(&args),
+            Self::Verify(args) => verify::run(&args),
             Self::Conformance(args) => conformance::run(&args),
             Self::Chaos(args) => chaos::run(&args),
             Self::Fuzz(args) => fuzz::run(&args),

@@ -3,7 +3,7 @@
 //! Results go to standard output; progress and messages to standard error. An error is one line and a non-zero exit.
 //!
 //! Reading order: [`cli`] (what can be asked for), [`train`] and [`run_folder`] (a run and its folder), [`evaluate`],
-//! [`reproduce`] (the paper's tables), [`conformance`] (our code against recorded results of other software), [`mod@bench`] (how
+//! [`reproduce`] (the paper's tables), [`ship`] and [`verify`] (what the repository holds of them), [`conformance`] (our code against recorded results of other software), [`mod@bench`] (how
 //! fast it all is), [`ci`].
 //!
 //! What a person looks at: [`demo`] and [`replay`] (episodes on a page), [`plot`] (curves and bars), [`runs`], [`compare`],
@@ -36,9 +36,11 @@ mod replay;
 mod reproduce;
 mod run_folder;
 mod runs;
+mod ship;
 mod tensorboard;
 mod threads;
 mod train;
+mod verify;
 
 use std::process::ExitCode;
 

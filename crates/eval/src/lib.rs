@@ -2,7 +2,7 @@
 //!
 //! Reading order: [`protocol`] (a policy in a crowd), [`config`], [`crowds`], [`robot`] (who is tested), [`lock_step`] and
 //! [`room`] (how episodes run); [`outcome`], [`metrics`], [`statistics`] (what is measured), [`diversity`] (the metric D);
-//! [`cell`] and [`records`] (what is kept), [`replay`] (episodes step by step), [`paper`] (its tables as data), [`report`] (what is printed).
+//! [`cell`], [`records`] and [`compact`] (what is kept), [`claims`] (what the paper says, tested), [`replay`] (episodes step by step), [`paper`] (its tables as data), [`report`] (what is printed).
 //!
 //! Architecture invariants: nothing here trains or knows the trainer; no result depends on the clock, the number of
 //! threads or the lock step.
@@ -10,6 +10,8 @@
 #![forbid(unsafe_code)]
 
 pub mod cell;
+pub mod claims;
+pub mod compact;
 pub mod config;
 pub mod crowds;
 pub mod diversity;

@@ -1,7 +1,8 @@
 //! Results as plain data and their renderings: text for a terminal, Markdown, CSV and JSON.
 //!
 //! Reading order: [`cell`] (one policy in one crowd), [`table`] (the success tables, Table I first), [`evaluation`] (one
-//! policy in detail), [`grid`] (how text and Markdown are laid out), [`timing`] (wall times, kept apart).
+//! policy in detail), [`pooled`] (tables over several training seeds), [`verdicts`] (the paper's claims), [`grid`] (how text
+//! and Markdown are laid out), [`timing`] (wall times, kept apart).
 //!
 //! Architecture invariant: no rendering reads a clock; wall times pass through [`timing`] alone, so that the same
 //! records give the same bytes.
@@ -9,10 +10,13 @@
 pub mod cell;
 pub mod evaluation;
 pub mod grid;
+pub mod pooled;
 pub mod table;
 pub mod timing;
+pub mod verdicts;
 
 pub use cell::{CellResult, Comparison, PoolNote};
 pub use evaluation::Evaluation;
+pub use pooled::{PooledCell, PooledRow, PooledTable, SeedValue, Source};
 pub use table::{SuccessRow, SuccessTable};
 pub use timing::{CellTiming, timings_csv};

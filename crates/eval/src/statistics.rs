@@ -1,13 +1,18 @@
 //! Statistics of success rates: the Wilson interval, `McNemar`'s tests and Newcombe's interval of a paired
-//! difference, all in f64.
+//! difference; over training seeds Welch's interval, a permutation test and a hierarchical bootstrap. All in f64.
 //!
-//! Reading order: [`mod@wilson`], [`mcnemar`], [`newcombe`]; [`binomial`] holds the sums that they need.
+//! Reading order: [`mod@wilson`], [`mcnemar`], [`newcombe`] (episodes of two policies); [`contrast`], [`bootstrap`]
+//! (training seeds); [`binomial`] and [`student`] hold the sums that they need.
 
 pub mod binomial;
+pub mod bootstrap;
+pub mod contrast;
 pub mod mcnemar;
 pub mod newcombe;
+pub mod student;
 pub mod wilson;
 
+pub use contrast::{Contrast, Permutation};
 pub use mcnemar::{Mcnemar, PairedCounts};
 pub use newcombe::paired_difference;
 pub use wilson::{Interval, wilson};

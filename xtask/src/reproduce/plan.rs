@@ -1,153 +1,318 @@
-//! What Table 1 needs: the runs, their seeds, and the checkpoint that each row is tested at.
+//! What the paper's tables are made of: training settings ("variants"), each the base setting but for what a row varies,
+//! and rows, each a variant at a number of updates.
+//!
+//! The base is `configs/headline.toml`, one setting for all rows. A policy belongs to a variant where its whole
+//! configuration, but for the seed, is the variant's: nobody has to say which row a run serves.
 
-use clap::ValueEnum;
-use jostle_diversity::IntrinsicReward;
-use jostle_eval::paper::{BehavioursRow, TABLE_1};
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, Result, bail};
 use jostle_ppo::Config;
 
-/// Training seed of the table's rows.
-const ROW_SEED: u64 = 1;
-/// Training seeds of the policies that drive the pedestrians; no row uses them.
-const POOL_SEEDS: [u64; 4] = [101, 102, 103, 104];
-/// Updates of a pedestrian's policy in the paper.
-const POOL_UPDATES: u64 = 5_000;
+use crate::compare::settings;
+use crate::provenance::workspace;
 
-/// How much of the paper's effort is spent.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Preset {
-    /// A hundredth of the paper's updates, 50 episodes a cell: shows that everything works, not who is right.
-    Small,
-    /// The paper's updates, 1000 episodes a cell: 60,000 updates.
-    Paper,
+/// A training setting.
+#[derive(Debug, PartialEq)]
+pub(crate) struct Variant {
+    pub(crate) name: &'static str,
+    /// What it changes on the base.
+    overrides: &'static [&'static str],
+    /// Numbers of updates at which it is tested; the last is the length of its training.
+    pub(crate) updates: &'static [u64],
+    /// Training seeds that `--train` uses.
+    pub(crate) seeds: &'static [u64],
 }
 
-impl Preset {
-    /// Name of the preset's default folder.
-    pub(crate) fn folder(self) -> &'static str {
-        match self {
-            Self::Small => "runs/table1-small",
-            Self::Paper => "runs/table1-paper",
+/// The policies that drive the pedestrians: the baseline, trained from seeds of its own.
+pub(crate) const POOL: &str = "pool";
+/// Seeds from here on are pedestrians', those below are rows'.
+const POOL_SEEDS_FROM: u64 = 101;
+/// Updates between two checkpoints of a run that `--train` makes.
+const CHECKPOINT_EVERY: u64 = 250;
+
+const BASELINE: &[&str] = &["n_behaviours=1", "intrinsic_reward=none", "alpha=0"];
+
+/// All settings.
+pub(crate) const VARIANTS: [Variant; 12] = [
+    variant("m1", BASELINE, &[5_000], &[1, 2, 3]),
+    variant("m5", &["n_behaviours=5"], &[5_000], &[1, 2, 3]),
+    variant("m10", &["n_behaviours=10"], &[5_000, 10_000], &[1]),
+    variant("m20", &["n_behaviours=20"], &[5_000, 20_000], &[1]),
+    variant("n10-m1", &["n_agents=10", "n_behaviours=1", "intrinsic_reward=none", "alpha=0"], &[5_000], &[1]),
+    variant("n10-m5", &["n_agents=10"], &[5_000], &[1]),
+    variant("n20-m1", &["n_agents=20", "n_behaviours=1", "intrinsic_reward=none", "alpha=0"], &[5_000], &[1]),
+    variant("n20-m5", &["n_agents=20"], &[5_000], &[1]),
+    // The weights are the paper's best ones (its Table III).
+    variant("state-action", &["intrinsic_reward=state_action", "alpha=0.01"], &[5_000], &[1]),
+    variant("state", &["intrinsic_reward=state", "alpha=0.03"], &[5_000], &[1]),
+    // Its zones and weights are in `configs/safety_zone.toml`.
+    variant(SAFETY_ZONE, BASELINE, &[5_000], &[1]),
+    variant(POOL, BASELINE, &[2_500, 5_000], &[101, 102, 103, 104]),
+];
+
+const SAFETY_ZONE: &str = "safety-zone";
+/// Where the weights of the safety-zone baseline are.
+const SAFETY_ZONE_FILE: &str = "configs/safety_zone.toml";
+
+const fn variant(
+    name: &'static str,
+    overrides: &'static [&'static str],
+    updates: &'static [u64],
+    seeds: &'static [u64],
+) -> Variant {
+    Variant { name, overrides, updates, seeds }
+}
+
+impl Variant {
+    /// The length of its training.
+    pub(crate) fn length(&self) -> u64 {
+        self.updates.iter().copied().max().unwrap_or(0)
+    }
+
+    /// Whether a policy of this training seed is one of it.
+    fn takes(&self, seed: u64) -> bool {
+        (self.name == POOL) == (seed >= POOL_SEEDS_FROM)
+    }
+}
+
+/// A row of a table: what claims and tables call it.
+#[derive(Debug, PartialEq)]
+pub(crate) struct RowSpec {
+    pub(crate) name: &'static str,
+    pub(crate) variant: &'static str,
+    pub(crate) updates: u64,
+    /// Where it stands.
+    pub(crate) serves: &'static [&'static str],
+}
+
+/// All rows.
+pub(crate) const ROWS: [RowSpec; 13] = [
+    row(
+        "m1",
+        "m1",
+        5_000,
+        &[
+            "Table 1: M = 1",
+            "Table 2: N = 5 without diversity",
+            "Table 3: none",
+            "Table 4: Basic",
+            "Table 5: without diversity",
+        ],
+    ),
+    row(
+        "m5",
+        "m5",
+        5_000,
+        &[
+            "Table 1: M = 5",
+            "Table 2: N = 5 with diversity",
+            "Table 3: difference",
+            "Table 4: Ours",
+            "Table 5: with diversity",
+            "figures",
+        ],
+    ),
+    row("m10", "m10", 5_000, &["Table 1: M = 10, 5,000 updates"]),
+    row("m20", "m20", 5_000, &["Table 1: M = 20, 5,000 updates"]),
+    row("m10-long", "m10", 10_000, &["Table 1: M = 10, 10,000 updates"]),
+    row("m20-long", "m20", 20_000, &["Table 1: M = 20, 20,000 updates"]),
+    row("n10-m1", "n10-m1", 5_000, &["Table 2: N = 10 without diversity"]),
+    row("n10-m5", "n10-m5", 5_000, &["Table 2: N = 10 with diversity"]),
+    row("n20-m1", "n20-m1", 5_000, &["Table 2: N = 20 without diversity"]),
+    row("n20-m5", "n20-m5", 5_000, &["Table 2: N = 20 with diversity"]),
+    row("state-action", "state-action", 5_000, &["Table 3: q(z | s, a)"]),
+    row("state", "state", 5_000, &["Table 3: q(z | s)"]),
+    row("safety-zone", SAFETY_ZONE, 5_000, &["Table 4: Safe"]),
+];
+
+const fn row(
+    name: &'static str,
+    variant: &'static str,
+    updates: u64,
+    serves: &'static [&'static str],
+) -> RowSpec {
+    RowSpec { name, variant, updates, serves }
+}
+
+/// The row of a name that this program knows.
+pub(crate) fn row_spec(name: &str) -> &'static RowSpec {
+    ROWS.iter().find(|row| row.name == name).expect("rows are named by constants")
+}
+
+/// The base setting and what every variant makes of it.
+#[derive(Clone, Debug)]
+pub(crate) struct Plan {
+    configs: Vec<(&'static Variant, Config)>,
+}
+
+impl Plan {
+    /// The default base.
+    pub(crate) fn default_base() -> PathBuf {
+        workspace().join("configs/headline.toml")
+    }
+
+    /// The plan on a base setting.
+    ///
+    /// # Errors
+    /// A base that cannot be read, or that a variant makes invalid.
+    pub(crate) fn new(base: &Path) -> Result<Self> {
+        let zone = workspace().join(SAFETY_ZONE_FILE);
+        let none: &[&str] = &[];
+        let zone = Config::load(&zone, none)?.sim.reward.safety_zone;
+        let config = |variant: &'static Variant| -> Result<(&'static Variant, Config)> {
+            let mut config = Config::load(base, variant.overrides)?;
+            if variant.name == SAFETY_ZONE {
+                let missing = || format!("{SAFETY_ZONE_FILE}: no [sim.reward.safety_zone]");
+                config.sim.reward.safety_zone = Some(zone.clone().with_context(missing)?);
+            }
+            Ok((variant, config))
+        };
+        Ok(Self { configs: VARIANTS.iter().map(config).collect::<Result<_>>()? })
+    }
+
+    /// A run of a variant.
+    pub(crate) fn run(&self, name: &str, seed: u64) -> Config {
+        let (variant, config) = self.of(name);
+        Config { seed, updates: variant.length(), checkpoint_every: CHECKPOINT_EVERY, ..config.clone() }
+    }
+
+    /// A variant by its name.
+    pub(crate) fn variant(&self, name: &str) -> &'static Variant {
+        self.of(name).0
+    }
+
+    fn of(&self, name: &str) -> &(&'static Variant, Config) {
+        self.configs
+            .iter()
+            .find(|(variant, _)| variant.name == name)
+            .expect("variants are named by constants")
+    }
+
+    /// The variant that a configuration belongs to.
+    ///
+    /// # Errors
+    /// Where it belongs to none: names the nearest and the settings that differ.
+    pub(crate) fn variant_of(&self, config: &Config) -> Result<&'static Variant> {
+        let recipe = |config: &Config| Config { seed: 0, ..config.clone() }.hash();
+        let own = recipe(config);
+        let mut fitting = self.configs.iter().filter(|(variant, _)| variant.takes(config.seed));
+        if let Some((variant, _)) = fitting.find(|(_, of_plan)| recipe(of_plan) == own) {
+            return Ok(variant);
         }
-    }
-
-    /// Episodes of one cell.
-    pub(crate) fn episodes(self) -> u64 {
-        match self {
-            Self::Small => 50,
-            Self::Paper => 1000,
+        let without_effect = ["seed", "updates", "checkpoint_every", "threads"];
+        let found = settings(config)?;
+        let mut nearest: Option<(&str, Vec<String>)> = None;
+        for (variant, of_plan) in self.configs.iter().filter(|(variant, _)| variant.takes(config.seed)) {
+            let expected = settings(of_plan)?;
+            let keys = found.keys().chain(expected.keys().filter(|key| !found.contains_key(*key)));
+            let dash = || "nothing".to_owned();
+            let differences: Vec<String> = keys
+                .filter(|key| {
+                    !without_effect.contains(&key.as_str()) && found.get(*key) != expected.get(*key)
+                })
+                .map(|key| {
+                    let of = |map: &std::collections::BTreeMap<String, String>| {
+                        map.get(key).cloned().unwrap_or_else(dash)
+                    };
+                    format!("{key}: found {}, expected {}", of(&found), of(&expected))
+                })
+                .collect();
+            if nearest.as_ref().is_none_or(|(_, least)| differences.len() < least.len()) {
+                nearest = Some((variant.name, differences));
+            }
         }
+        let (name, differences) = nearest.unwrap_or(("none", Vec::new()));
+        bail!("its settings are no row's; nearest is {name}: {}", differences.join("; "))
     }
 
-    /// The paper's updates, divided by this, are ours.
-    fn divisor(self) -> u64 {
-        match self {
-            Self::Small => 100,
-            Self::Paper => 1,
+    /// The text of the safety-zone baseline's configuration file: the base's text with the baseline's settings, and the zone's
+    /// section as the file has it.
+    ///
+    /// # Errors
+    /// A file without the section, or a base that leaves a setting of the baseline out.
+    pub(crate) fn safety_zone_file() -> Result<String> {
+        const SECTION: &str = "\n[sim.reward.safety_zone]\n";
+        let read = |path: PathBuf| {
+            std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))
+        };
+        let (base, old) = (read(Self::default_base())?, read(workspace().join(SAFETY_ZONE_FILE))?);
+        let zone = old
+            .find(SECTION)
+            .map(|at| &old[at + 1..])
+            .context("configs/safety_zone.toml: no section of the zone")?;
+        let head = "\
+            # The safety-zone baseline (after Jin et al. 2020, arXiv:1911.03074, whose constants are not public): the baseline with the\n\
+            # terms of [sim.reward.safety_zone], the only part of this file that is edited by hand. The rest follows headline.toml by\n\
+            # `cargo xtask reproduce configs`; diversity_m5.toml explains every key.\n";
+        let body: Vec<&str> = base.lines().skip_while(|line| line.starts_with('#')).collect();
+        let mut text = format!("{head}{}\n\n{zone}", body.join("\n").trim_end());
+        for setting in BASELINE {
+            let (key, value) = setting.split_once('=').expect("settings are key=value");
+            let value = value.parse::<f64>().map_or_else(|_| format!("{value:?}"), |_| value.to_owned());
+            let line =
+                text.lines().find(|line| line.split('=').next().is_some_and(|name| name.trim() == key));
+            let line = line.with_context(|| format!("configs/headline.toml: {key} is left out"))?.to_owned();
+            text = text.replacen(&line, &format!("{key} = {value}"), 1);
         }
+        Ok(text)
     }
 
-    /// Updates between two checkpoints: what an interruption can cost.
-    fn checkpoint_every(self) -> u64 {
-        match self {
-            Self::Small => 25,
-            Self::Paper => 250,
-        }
+    /// Brings the safety-zone baseline's file into line with the base.
+    pub(crate) fn store_safety_zone_file() -> Result<()> {
+        crate::run_folder::write_atomically(&workspace().join(SAFETY_ZONE_FILE), &Self::safety_zone_file()?)
     }
-
-    /// Our number of updates for a number of the paper's.
-    pub(crate) fn updates(self, of_paper: u64) -> u64 {
-        of_paper / self.divisor()
-    }
-
-    /// What a row says of its training, where it is not the paper's.
-    pub(crate) fn note(self, row: &BehavioursRow) -> Option<String> {
-        let ours = self.updates(row.updates.into());
-        (self.divisor() > 1).then(|| format!("{ours} updates stand for the paper's {}", row.updates))
-    }
-}
-
-/// One training run of the plan.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Run {
-    /// Folder below the output folder.
-    pub(crate) folder: String,
-    pub(crate) config: Config,
-}
-
-/// The run that serves the table's rows with this many behaviours; the longest of them decides its length.
-pub(crate) fn row_run(preset: Preset, n_behaviours: u32) -> Run {
-    let rows = TABLE_1.iter().filter(|row| row.n_behaviours == n_behaviours);
-    let updates = rows.map(|row| u64::from(row.updates)).max().unwrap_or(0);
-    run(preset, format!("policies/m{n_behaviours}"), n_behaviours, ROW_SEED, updates)
-}
-
-/// The runs of all rows, each once, in the order of the table.
-pub(crate) fn row_runs(preset: Preset) -> Vec<Run> {
-    let mut runs: Vec<Run> = Vec::new();
-    for row in &TABLE_1 {
-        let run = row_run(preset, row.n_behaviours);
-        if !runs.contains(&run) {
-            runs.push(run);
-        }
-    }
-    runs
-}
-
-/// The runs of the pedestrians' policies.
-pub(crate) fn pool_runs(preset: Preset) -> Vec<Run> {
-    POOL_SEEDS.map(|seed| run(preset, format!("pool/seed{seed}"), 1, seed, POOL_UPDATES)).to_vec()
-}
-
-fn run(preset: Preset, folder: String, n_behaviours: u32, seed: u64, updates_of_paper: u64) -> Run {
-    let mut config = Config {
-        seed,
-        updates: preset.updates(updates_of_paper),
-        checkpoint_every: preset.checkpoint_every(),
-        n_behaviours: n_behaviours as usize,
-        ..Config::default()
-    };
-    if n_behaviours == 1 {
-        // With one behaviour there is nothing to tell apart.
-        config.intrinsic_reward = IntrinsicReward::None;
-        config.alpha = 0.0;
-    }
-    Run { folder, config }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    #[test]
-    fn the_paper_preset_is_the_papers() {
-        let lengths = |runs: Vec<Run>| -> Vec<(usize, u64)> {
-            runs.iter().map(|run| (run.config.n_behaviours, run.config.updates)).collect()
-        };
-        assert_eq!(lengths(row_runs(Preset::Paper)), [(1, 5_000), (5, 5_000), (10, 10_000), (20, 20_000)]);
-        assert_eq!(lengths(pool_runs(Preset::Paper)), [(1, 5_000); 4]);
-        assert_eq!(lengths(row_runs(Preset::Small)), [(1, 50), (5, 50), (10, 100), (20, 200)]);
+    fn plan() -> Plan {
+        Plan::new(&Plan::default_base()).unwrap()
     }
 
     #[test]
-    fn the_shipped_configurations_are_the_plans() {
-        let none: &[&str] = &[];
-        for (n_behaviours, name) in [(1, "baseline_m1.toml"), (5, "diversity_m5.toml")] {
-            let shipped =
-                Config::load(&crate::provenance::workspace().join("configs").join(name), none).unwrap();
-            assert_eq!(shipped.hash(), row_run(Preset::Paper, n_behaviours).config.hash(), "{name}");
+    fn every_row_has_its_variant_and_every_claim_its_row() {
+        for row in &ROWS {
+            let variant = VARIANTS.iter().find(|variant| variant.name == row.variant).unwrap();
+            assert!(variant.updates.contains(&row.updates), "{}", row.name);
         }
-    }
-
-    #[test]
-    fn no_two_runs_share_a_folder_or_a_curve() {
-        for preset in [Preset::Small, Preset::Paper] {
-            let runs = [row_runs(preset), pool_runs(preset)].concat();
-            for (i, a) in runs.iter().enumerate() {
-                for b in &runs[..i] {
-                    assert_ne!(a.folder, b.folder);
-                    assert_ne!(a.config.hash(), b.config.hash());
-                }
+        for claim in jostle_eval::claims::of_paper::claims() {
+            for term in claim.parts.iter().flat_map(|part| &part.terms) {
+                assert!(ROWS.iter().any(|row| row.name == term.row), "{}: {}", claim.id, term.row);
             }
         }
+    }
+
+    #[test]
+    fn every_run_is_recognised_and_no_two_variants_are_one() {
+        let plan = plan();
+        for variant in &VARIANTS {
+            for &seed in variant.seeds {
+                assert_eq!(plan.variant_of(&plan.run(variant.name, seed)).unwrap().name, variant.name);
+            }
+        }
+    }
+
+    #[test]
+    fn a_foreign_run_is_refused_with_what_differs() {
+        let plan = plan();
+        let config = Config { gamma: 0.5, ..plan.run("m10", 1) };
+        let message = plan.variant_of(&config).unwrap_err().to_string();
+        assert!(message.contains("nearest is m10: gamma: found 0.5, expected 0.99"), "{message}");
+    }
+
+    #[test]
+    fn the_safety_zone_file_follows_the_base() {
+        let none: &[&str] = &[];
+        let file = Config::load(&workspace().join(SAFETY_ZONE_FILE), none).unwrap();
+        let found = plan().variant_of(&file).map(|variant| variant.name);
+        let found = found.map_err(|error| format!("run `cargo xtask reproduce configs`: {error}"));
+        assert_eq!(found, Ok(SAFETY_ZONE));
+        assert_eq!(
+            std::fs::read_to_string(workspace().join(SAFETY_ZONE_FILE)).unwrap(),
+            Plan::safety_zone_file().unwrap()
+        );
     }
 }

@@ -12,7 +12,7 @@ use jostle_eval::records::EpisodeRecord;
 use jostle_eval::report::{CellTiming, Comparison, SuccessRow, SuccessTable, timings_csv};
 use jostle_peds::CrowdKind;
 
-use super::plan::{Preset, Run, pool_runs, row_run, row_runs};
+use super::plan::{self, Run, pool_runs, row_run, row_runs};
 use crate::cells::Cell;
 use crate::run_folder::{checkpoint_path, write_atomically};
 use crate::train::train;
@@ -22,13 +22,13 @@ use crate::{output, policies};
 const TOKEN: u32 = 0;
 
 /// Does what is missing under `out` and prints the table.
-pub(crate) fn run(preset: Preset, out: &Path, threads: usize) -> Result<()> {
-    for run in [pool_runs(preset), row_runs(preset)].concat() {
+pub(crate) fn run(out: &Path, threads: usize) -> Result<()> {
+    for run in [pool_runs(), row_runs()].concat() {
         let mut config = run.config.clone();
         config.threads = threads;
         train(&config, &out.join(&run.folder), true, &run.folder)?;
     }
-    let pools = pools(preset, out)?;
+    let pools = pools(out)?;
     let records = out.join("records");
     std::fs::create_dir_all(&records).with_context(|| format!("cannot create {}", records.display()))?;
 
@@ -36,7 +36,7 @@ pub(crate) fn run(preset: Preset, out: &Path, threads: usize) -> Result<()> {
     let mut timings = Vec::new();
     let mut baseline: Option<Vec<Vec<EpisodeRecord>>> = None;
     for (row, of_paper) in table.rows.iter_mut().zip(&TABLE_1) {
-        let cells = fill(row, of_paper, preset, out, &pools, &records, &mut timings)?;
+        let cells = fill(row, of_paper, out, &pools, &records, &mut timings)?;
         match &baseline {
             None => baseline = Some(cells),
             Some(baseline) => {
@@ -54,36 +54,35 @@ pub(crate) fn run(preset: Preset, out: &Path, threads: usize) -> Result<()> {
 fn fill(
     row: &mut SuccessRow,
     of_paper: &BehavioursRow,
-    preset: Preset,
     out: &Path,
     pools: &Pools,
     records: &Path,
     timings: &mut Vec<CellTiming>,
 ) -> Result<Vec<Vec<EpisodeRecord>>> {
-    let run = row_run(preset, of_paper.n_behaviours);
-    let policy = policies::load(&trained(out, &run, preset.updates(of_paper.updates.into())))?;
+    let run = row_run(of_paper.n_behaviours);
+    let policy = policies::load(&trained(out, &run, plan::updates(of_paper.updates.into())))?;
     let config = EvalConfig { sim: policy.sim_config()?, n_agents: row.n_agents, ..EvalConfig::default() };
     let protocol = Protocol::new(config, pools.clone())?;
     let mut all = Vec::new();
     for crowd in CrowdKind::ALL {
         let cell = Cell { protocol: &protocol, policy: &policy, token: TOKEN, crowd };
-        let (run, timing) = cell.run(preset.episodes(), records)?;
+        let (run, timing) = cell.run(plan::EPISODES, records)?;
         timings.extend(timing);
         row.cells.push(run.result);
         all.push(run.records);
     }
     row.policy = Some(policy.identity.clone());
     row.token = TOKEN;
-    row.note = preset.note(of_paper);
+    row.note = Some(plan::note(of_paper));
     Ok(all)
 }
 
 /// The pedestrians' policies, whole and half trained.
-fn pools(preset: Preset, out: &Path) -> Result<Pools> {
+fn pools(out: &Path) -> Result<Pools> {
     let load = |half: bool| -> Result<Vec<LoadedPolicy>> {
         let checkpoint =
             |run: &Run| trained(out, run, if half { run.config.updates / 2 } else { run.config.updates });
-        pool_runs(preset).iter().map(|run| policies::load(&checkpoint(run))).collect()
+        pool_runs().iter().map(|run| policies::load(&checkpoint(run))).collect()
     };
     Ok(Pools { full: load(false)?, half: load(true)? })
 }

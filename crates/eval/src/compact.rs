@@ -1,0 +1,236 @@
+//! A cell's episodes in a small file: what `results/` keeps, and what every table is computed from.
+//!
+//! ```text
+//! {"format":"jostle-cell-1","key":{…},"policy":{…},"scale":{…},"episodes":1000}
+//! S 245 23.8123456 21.4012345
+//! P 12 0.9123456 14.7723456
+//! ```
+//!
+//! The first line says what the cell is; then one line for each episode in order: outcome (S success, W wall, P pedestrian,
+//! T timeout), steps, way travelled and straight distance from start to goal (m, rounded to 1e-7). Times and extras follow
+//! from them ([`EpisodeMetrics::from_totals`]). A table is computed from this form also when the episodes have just been
+//! run, so that a stored cell and a fresh one give the same bytes.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use jostle_policy::excerpt;
+use serde::{Deserialize, Serialize};
+
+use crate::cell::CellKey;
+use crate::error::EvalError;
+use crate::identity::PolicyIdentity;
+use crate::metrics::{EpisodeMetrics, MetricScale};
+use crate::outcome::EpisodeOutcome;
+use crate::records::EpisodeRecord;
+
+/// The format's name in the first line.
+pub const FORMAT: &str = "jostle-cell-1";
+/// Largest file that is read, in bytes: a million episodes.
+const FILE_MAX: u64 = 64 << 20;
+/// Decimals of a distance.
+const DECIMALS: usize = 7;
+
+/// One episode, as far as the tables need it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CompactEpisode {
+    /// How it ended.
+    pub outcome: EpisodeOutcome,
+    /// Time, way and extras.
+    pub metrics: EpisodeMetrics,
+}
+
+/// The first line of a file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CompactHead {
+    /// [`FORMAT`].
+    pub format: String,
+    /// What the episodes depend on.
+    pub key: CellKey,
+    /// The robot's policy.
+    pub policy: PolicyIdentity,
+    /// Control period, goal radius, speed.
+    pub scale: MetricScale,
+    /// Number of episodes.
+    pub episodes: u64,
+}
+
+/// A cell with its episodes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CompactCell {
+    /// What it is.
+    pub head: CompactHead,
+    /// Outcome, steps, way and straight distance of each episode, as written.
+    lines: Vec<(EpisodeOutcome, u64, f64, f64)>,
+}
+
+impl CompactCell {
+    /// The small form of records.
+    pub fn new(key: CellKey, policy: PolicyIdentity, scale: MetricScale, records: &[EpisodeRecord]) -> Self {
+        let line = |record: &EpisodeRecord| {
+            let EpisodeMetrics { path_length, straight_distance, .. } = record.metrics;
+            (record.outcome, record.steps, rounded(path_length), rounded(straight_distance))
+        };
+        let format = FORMAT.to_owned();
+        let head = CompactHead { format, key, policy, scale, episodes: records.len() as u64 };
+        Self { head, lines: records.iter().map(line).collect() }
+    }
+
+    /// The first `count` episodes.
+    pub fn episodes(&self, count: usize) -> Vec<CompactEpisode> {
+        let episode = |&(outcome, steps, path, straight): &(EpisodeOutcome, u64, f64, f64)| CompactEpisode {
+            outcome,
+            metrics: EpisodeMetrics::from_totals(&self.head.scale, outcome, steps, path, straight),
+        };
+        self.lines.iter().take(count).map(episode).collect()
+    }
+
+    /// The file's text.
+    pub fn text(&self) -> String {
+        let mut text = serde_json::to_string(&self.head).expect("strings and numbers are always JSON");
+        text.push('\n');
+        for (outcome, steps, path, straight) in &self.lines {
+            writeln!(text, "{} {steps} {path:.DECIMALS$} {straight:.DECIMALS$}", letter(*outcome))
+                .expect("a string takes everything");
+        }
+        text
+    }
+
+    /// Reads a file.
+    ///
+    /// # Errors
+    ///
+    /// [`EvalError::Io`] if it cannot be read, [`EvalError::Record`] with the first line that is not as it should be.
+    pub fn read(path: &Path) -> Result<Self, EvalError> {
+        let about = std::fs::metadata(path).map_err(EvalError::io(path, "read"))?;
+        let refuse = |line: usize, problem: String| EvalError::Record {
+            file: path.to_path_buf(),
+            line,
+            problem: excerpt(&problem),
+        };
+        if !about.is_file() || about.len() > FILE_MAX {
+            return Err(refuse(1, format!("{} bytes, expected a file of at most {FILE_MAX}", about.len())));
+        }
+        let text = std::fs::read_to_string(path).map_err(EvalError::io(path, "read"))?;
+        Self::parse(&text).map_err(|(line, problem)| refuse(line, problem))
+    }
+
+    /// The cell of a text, or the line that is wrong and why.
+    fn parse(text: &str) -> Result<Self, (usize, String)> {
+        let mut lines = text.lines();
+        let first = lines.next().unwrap_or_default();
+        let head: CompactHead = serde_json::from_str(first).map_err(|error| (1, error.to_string()))?;
+        if head.format != FORMAT {
+            return Err((1, format!("found format {}, expected {FORMAT}", head.format)));
+        }
+        let lines: Vec<_> = lines
+            .enumerate()
+            .map(|(i, line)| {
+                let expected = "expected an outcome (S, W, P, T), steps, way and distance";
+                parse_line(line).ok_or_else(|| (i + 2, format!("found {line:?}, {expected}")))
+            })
+            .collect::<Result<_, _>>()?;
+        if lines.len() as u64 != head.episodes || !text.ends_with('\n') {
+            let problem = format!("found {} whole episodes, expected {}", lines.len(), head.episodes);
+            return Err((lines.len() + 1, problem));
+        }
+        Ok(Self { head, lines })
+    }
+}
+
+/// A number as it will be read back.
+fn rounded(value: f64) -> f64 {
+    format!("{value:.DECIMALS$}").parse().expect("a printed number can be read")
+}
+
+fn letter(outcome: EpisodeOutcome) -> char {
+    match outcome {
+        EpisodeOutcome::Success => 'S',
+        EpisodeOutcome::CollisionWall => 'W',
+        EpisodeOutcome::CollisionPedestrian => 'P',
+        EpisodeOutcome::Timeout => 'T',
+    }
+}
+
+fn parse_line(line: &str) -> Option<(EpisodeOutcome, u64, f64, f64)> {
+    let mut fields = line.split(' ');
+    let first = fields.next()?;
+    let outcome = *EpisodeOutcome::ALL.iter().find(|outcome| first == letter(**outcome).to_string())?;
+    let steps = fields.next()?.parse().ok()?;
+    let mut distance =
+        || fields.next()?.parse::<f64>().ok().filter(|value| value.is_finite() && *value >= 0.0);
+    let (path, straight) = (distance()?, distance()?);
+    fields.next().is_none().then_some((outcome, steps, path, straight))
+}
+
+#[cfg(test)]
+mod tests {
+    use jostle_peds::CrowdKind;
+
+    use super::*;
+    use crate::identity::short;
+
+    fn cell() -> CompactCell {
+        let key = CellKey {
+            protocol_version: 1,
+            policy: "p".into(),
+            token: 0,
+            crowd: CrowdKind::Sf,
+            pool: vec![],
+            n_agents: 5,
+            seed: 0,
+            settings: String::new(),
+        };
+        let scale = MetricScale { dt: 0.1, goal_radius: 0.5, v_max: 1.0 };
+        let identity = PolicyIdentity::custom("test", "1");
+        let record = |episode: u64| {
+            let outcome = EpisodeOutcome::ALL[episode as usize];
+            EpisodeRecord {
+                episode,
+                crowd: key.crowd,
+                token: 0,
+                outcome,
+                steps: 123,
+                start: [0.0, 0.0],
+                goal: [10.0, 0.0],
+                metrics: EpisodeMetrics::from_totals(&scale, outcome, 123, 11.3 / 0.9, 10.0 / 3.0),
+                cell: short(&key.hash()).to_owned(),
+                provenance: identity.reference(),
+            }
+        };
+        let records: Vec<_> = (0..4).map(record).collect();
+        CompactCell::new(key, identity, scale, &records)
+    }
+
+    #[test]
+    fn a_cell_comes_back_and_rounds_once() {
+        let cell = cell();
+        let text = cell.text();
+        assert!(text.contains("\nS 123 12.5555556 3.3333333\nW 123"), "{text}");
+        let read = CompactCell::parse(&text).unwrap();
+        assert_eq!(read, cell);
+        assert_eq!((read.text(), read.episodes(9).len(), read.episodes(2).len()), (text, 4, 2));
+        // 12.3 s − (3.3333333 − 0.5) m at 1 m/s.
+        let success = read.episodes(1)[0].metrics;
+        assert!((success.extra_time.unwrap() - 9.466_666_7).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_is_no_cell_is_named_by_its_line() {
+        let text = cell().text();
+        let check = |text: String, line: usize, part: &str| {
+            let (found, problem) = CompactCell::parse(&text).unwrap_err();
+            assert!(found == line && problem.contains(part), "{found}: {problem}");
+        };
+        check(String::new(), 1, "EOF");
+        check(text.replace(FORMAT, "jostle-cell-9"), 1, "found format jostle-cell-9");
+        check(text.replace("W 123", "X 123"), 3, "found \"X 123");
+        check(text.replace("W 123", "W -1"), 3, "expected an outcome");
+        check(text.replace("3.3333333\nW", "3.3333333 1\nW"), 2, "expected an outcome");
+        check(text.replace("12.5555556", "NaN"), 2, "expected an outcome");
+        check(text[..text.len() - 1].to_owned(), 5, "whole episodes");
+        let (start, _) = text.rsplit_once("T ").unwrap();
+        check(start.to_owned(), 4, "found 3 whole episodes, expected 4");
+    }
+}

@@ -1,0 +1,167 @@
+//! The study as far as it has been run: rows with their policies, and what came out of their episodes.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use anyhow::{Result, ensure};
+use jostle_eval::claims::{Row, SeedRun, Study};
+use jostle_eval::config::EvalConfig;
+use jostle_eval::crowds::Pools;
+use jostle_eval::diversity::{Diversity, TRAJECTORY_STEPS, diversity, trajectory};
+use jostle_eval::protocol::Protocol;
+use jostle_peds::CrowdKind;
+
+use super::cells::{Cells, Wanted};
+use super::plan::row_spec;
+use super::policies::{Found, Policies};
+
+/// The behaviour token of every row (paper, V-A).
+pub(crate) const TOKEN: u32 = 0;
+/// Seed of the trajectory that D is measured on.
+const TRAJECTORY_SEED: u64 = 0;
+
+/// A row with its policies and episodes.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Evaluated {
+    /// By training seed; none where the row has not been trained.
+    pub(crate) found: Vec<Found>,
+    /// The same order.
+    pub(crate) row: Row,
+    /// The same order; empty unless it was asked for.
+    pub(crate) diversity: Vec<Diversity>,
+}
+
+/// The study.
+pub(crate) struct Bench {
+    pub(crate) policies: Policies,
+    pub(crate) cells: Cells,
+    episodes: u64,
+    pools: Pools,
+    rows: BTreeMap<&'static str, Evaluated>,
+    /// The trajectory that D is measured on, once it is needed.
+    states: Option<Vec<f32>>,
+}
+
+impl Bench {
+    /// A study of which nothing has been run yet.
+    pub(crate) fn new(policies: Policies, results: &Path, fresh: bool, episodes: u64) -> Result<Self> {
+        ensure!(episodes > 0, "--episodes: found 0, expected at least 1");
+        let pools = policies.pools()?;
+        let cells = Cells::open(results.join("cells"), fresh)?;
+        Ok(Self { policies, cells, episodes, pools, rows: BTreeMap::new(), states: None })
+    }
+
+    /// Episodes of a cell.
+    pub(crate) fn episodes(&self) -> u64 {
+        self.episodes
+    }
+
+    /// A row among the six crowds.
+    pub(crate) fn row(&mut self, name: &'static str) -> Result<&Evaluated> {
+        let mut row = self.take(name)?;
+        let crowds = CrowdKind::ALL;
+        for (found, run) in row.found.iter().zip(&mut row.row.seeds) {
+            for crowd in crowds {
+                if !run.sites.contains_key(crowd.name()) {
+                    let episodes = self.crowd(found, TOKEN, crowd)?;
+                    run.sites.insert(crowd.name().to_owned(), episodes);
+                }
+            }
+        }
+        Ok(self.put(name, row))
+    }
+
+    /// A row with its D.
+    pub(crate) fn row_with_diversity(&mut self, name: &'static str) -> Result<&Evaluated> {
+        self.row(name)?;
+        let states = self.states()?;
+        let mut row = self.take(name)?;
+        if let Some(states) = states.filter(|_| row.diversity.is_empty()) {
+            for (found, run) in row.found.iter().zip(&mut row.row.seeds) {
+                let measured = diversity(&found.policy, EvalConfig::default().backend, &states)?;
+                run.diversity = Some(measured.d);
+                row.diversity.push(measured);
+            }
+        }
+        Ok(self.put(name, row))
+    }
+
+    /// A row at further sites: `run` gives the episodes of one policy at each.
+    pub(crate) fn row_at(
+        &mut self,
+        name: &'static str,
+        mut run: impl FnMut(
+            &mut Cells,
+            &Found,
+        ) -> Result<Vec<(String, Vec<jostle_eval::compact::CompactEpisode>)>>,
+    ) -> Result<&Evaluated> {
+        let mut row = self.take(name)?;
+        for (found, seed) in row.found.iter().zip(&mut row.row.seeds) {
+            seed.sites.extend(run(&mut self.cells, found)?);
+        }
+        Ok(self.put(name, row))
+    }
+
+    /// The episodes of a policy with a token in a crowd.
+    pub(crate) fn crowd(
+        &mut self,
+        found: &Found,
+        token: u32,
+        crowd: CrowdKind,
+    ) -> Result<Vec<jostle_eval::compact::CompactEpisode>> {
+        let config = EvalConfig {
+            sim: found.policy.sim_config()?,
+            n_agents: found.policy.file.provenance.n_agents as usize,
+            ..EvalConfig::default()
+        };
+        let protocol = Protocol::new(config, self.pools.clone())?;
+        let wanted =
+            Wanted { protocol: &protocol, policy: &found.policy, token, crowd, episodes: self.episodes };
+        Ok(self.cells.get(&wanted)?.episodes(self.episodes as usize))
+    }
+
+    /// The study of all rows that were run.
+    pub(crate) fn study(&self) -> Study {
+        let rows = self.rows.iter().map(|(name, row)| ((*name).to_owned(), row.row.clone()));
+        Study { rows: rows.collect() }
+    }
+
+    /// Rows without a policy.
+    pub(crate) fn missing(&self) -> Vec<&'static str> {
+        self.rows.iter().filter(|(_, row)| row.found.is_empty()).map(|(name, _)| *name).collect()
+    }
+
+    /// A row out of the study, with its policies.
+    fn take(&mut self, name: &'static str) -> Result<Evaluated> {
+        if let Some(row) = self.rows.remove(name) {
+            return Ok(row);
+        }
+        let spec = row_spec(name);
+        let found = self.policies.of(spec.variant, spec.updates)?;
+        let done = found.iter().map(|policy| policy.updates).min();
+        let shorter = done.filter(|done| *done < spec.updates).map(|done| (done, spec.updates));
+        let seeds = found.iter().map(|policy| SeedRun { seed: policy.seed, ..SeedRun::default() }).collect();
+        Ok(Evaluated { found, row: Row { seeds, shorter }, diversity: Vec::new() })
+    }
+
+    fn put(&mut self, name: &'static str, row: Evaluated) -> &Evaluated {
+        self.rows.entry(name).insert_entry(row).into_mut()
+    }
+
+    /// The states that D is measured on: a trajectory of the first baseline policy in its training room; `None` where there
+    /// is no baseline.
+    fn states(&mut self) -> Result<Option<Vec<f32>>> {
+        if self.states.is_none() {
+            let row = self.take("m1")?;
+            if let Some(baseline) = row.found.first() {
+                let sim = baseline.policy.sim_config()?;
+                let n_agents = baseline.policy.file.provenance.n_agents as usize;
+                let backend = EvalConfig::default().backend;
+                let (seed, steps) = (TRAJECTORY_SEED, TRAJECTORY_STEPS);
+                self.states = Some(trajectory(&baseline.policy, &sim, backend, n_agents, seed, steps)?);
+            }
+            self.put("m1", row);
+        }
+        Ok(self.states.clone())
+    }
+}

@@ -1,0 +1,90 @@
+//! Beyond the paper: every behaviour token in every crowd, and how episodes end.
+
+use anyhow::Result;
+use jostle_eval::outcome::EpisodeOutcome;
+use jostle_eval::report::{PooledCell, PooledRow, PooledTable, SeedValue, Source};
+use jostle_peds::CrowdKind;
+
+use super::bench::Bench;
+use super::plan::ROWS;
+
+/// The row whose tokens are told apart.
+const ROW: &str = "m5";
+
+/// Success of every token in every crowd.
+pub(super) fn tokens(bench: &mut Bench) -> Result<PooledTable> {
+    let found = bench.row(ROW)?.found.clone();
+    let n_behaviours = found.iter().map(|policy| policy.policy.file.network.n_behaviours).max().unwrap_or(0);
+    let sources: Vec<Source> = found.iter().map(super::policies::Found::source).collect();
+    let mut rows = Vec::new();
+    for token in 0..n_behaviours as u32 {
+        let mut cells = Vec::new();
+        for crowd in CrowdKind::ALL {
+            let mut seeds = Vec::new();
+            for policy in &found {
+                let episodes = bench.crowd(policy, token, crowd)?;
+                let successes =
+                    episodes.iter().filter(|episode| episode.outcome == EpisodeOutcome::Success).count();
+                seeds.push(SeedValue::rate(policy.seed, successes as u64, episodes.len() as u64));
+            }
+            cells.push(Some(PooledCell::of(seeds, true)));
+        }
+        cells.push(PooledCell::average(&cells.iter().map(Option::as_ref).collect::<Vec<_>>()));
+        rows.push(row(vec![token.to_string()], cells, &sources));
+    }
+    Ok(PooledTable {
+        id: "tokens".to_owned(),
+        title: "Beyond the paper: success of every behaviour token z (M = 5)".to_owned(),
+        label_heads: vec!["z".to_owned()],
+        columns: CrowdKind::ALL.iter().map(|crowd| crowd.name().to_owned()).chain(["Avg".to_owned()]).collect(),
+        rows,
+        notes: vec![
+            "The paper tests z = 0 alone; nothing in training makes tokens of different seeds alike, so that pooling a token \
+             over seeds shows whether the index matters (it should not). The CSV has every seed."
+                .to_owned(),
+            format!("{} episodes a cell and seed.", bench.episodes()),
+        ],
+    })
+}
+
+/// Shares of the four ends of an episode, for every row that has policies.
+pub(super) fn outcomes(bench: &mut Bench) -> Result<PooledTable> {
+    let mut rows = Vec::new();
+    for spec in &ROWS {
+        let evaluated = bench.row(spec.name)?;
+        let sources: Vec<Source> = evaluated.found.iter().map(super::policies::Found::source).collect();
+        if sources.is_empty() {
+            continue;
+        }
+        for outcome in EpisodeOutcome::ALL {
+            let cells = CrowdKind::ALL.map(|crowd| {
+                let seeds = evaluated.row.seeds.iter().map(|run| {
+                    let episodes = &run.sites[crowd.name()];
+                    let count = episodes.iter().filter(|episode| episode.outcome == outcome).count();
+                    SeedValue::rate(run.seed, count as u64, episodes.len() as u64)
+                });
+                Some(PooledCell::of(seeds.collect(), true))
+            });
+            let end = match outcome {
+                EpisodeOutcome::Success => "success",
+                EpisodeOutcome::CollisionWall => "hit a wall",
+                EpisodeOutcome::CollisionPedestrian => "hit a pedestrian",
+                EpisodeOutcome::Timeout => "timeout",
+            };
+            rows.push(row(vec![spec.name.to_owned(), end.to_owned()], cells.to_vec(), &sources));
+        }
+    }
+    Ok(PooledTable {
+        id: "outcomes".to_owned(),
+        title: "Beyond the paper: how episodes end".to_owned(),
+        label_heads: ["row", "end"].map(str::to_owned).to_vec(),
+        columns: CrowdKind::ALL.map(|crowd| crowd.name().to_owned()).to_vec(),
+        rows,
+        notes: vec![format!("Shares of {} episodes a cell and seed.", bench.episodes())],
+    })
+}
+
+fn row(labels: Vec<String>, cells: Vec<Option<PooledCell>>, sources: &[Source]) -> PooledRow {
+    let paper = vec![None; cells.len()];
+    PooledRow { labels, cells, paper, decimals: 3, sources: sources.to_vec(), command: None, note: None }
+}

@@ -1,0 +1,123 @@
+//! Cells of the tables, each run once and kept in `results/cells` in the small form, by the hash of all it depends on.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, Result, bail};
+use jostle_eval::compact::CompactCell;
+use jostle_eval::identity::{hex_sha256, short};
+use jostle_eval::loaded::LoadedPolicy;
+use jostle_eval::protocol::{Protocol, Subject};
+use jostle_eval::robot::TrainedRobot;
+use jostle_eval::room::metric_scale;
+use jostle_peds::CrowdKind;
+
+use crate::output::note;
+use crate::progress::Progress;
+use crate::run_folder::write_atomically;
+
+/// The store of cells.
+pub(crate) struct Cells {
+    folder: PathBuf,
+    /// Run also what is stored, and compare.
+    fresh: bool,
+    /// Cells that were run and were not stored before.
+    pub(crate) new: u64,
+    /// Cells that were run again and came out the same.
+    pub(crate) same: u64,
+    /// Cells that were read.
+    pub(crate) read: u64,
+}
+
+/// What is to be run.
+pub(crate) struct Wanted<'a> {
+    pub(crate) protocol: &'a Protocol,
+    pub(crate) policy: &'a LoadedPolicy,
+    pub(crate) token: u32,
+    pub(crate) crowd: CrowdKind,
+    pub(crate) episodes: u64,
+}
+
+impl Cells {
+    /// A store in a folder, which is made.
+    pub(crate) fn open(folder: PathBuf, fresh: bool) -> Result<Self> {
+        std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
+        Ok(Self { folder, fresh, new: 0, same: 0, read: 0 })
+    }
+
+    /// A cell with at least the episodes asked for.
+    ///
+    /// # Errors
+    /// What the protocol refuses; with `fresh`, a stored cell that differs from what comes out now.
+    pub(crate) fn get(&mut self, wanted: &Wanted<'_>) -> Result<CompactCell> {
+        let Wanted { protocol, policy, token, crowd, episodes } = *wanted;
+        let subject = Subject { identity: &policy.identity, token };
+        let mut key = protocol.key(subject, crowd);
+        if let Some(map) = &protocol.config().sim.room.map {
+            // A map is known by what is in it; where it lies is another on each machine.
+            let mut config = protocol.config().clone();
+            config.sim.room.map = Some(PathBuf::from(map_sha256(map)?));
+            key.settings = config.settings_hash();
+        }
+        let path = self.folder.join(format!("{crowd}-z{token}-{}.txt", short(&key.hash())));
+        let stored = path.exists().then(|| CompactCell::read(&path)).transpose()?;
+        if let Some(stored) = &stored {
+            if stored.head.key != key {
+                bail!("{}: holds another cell ({})", path.display(), short(&stored.head.key.hash()));
+            }
+            if stored.head.episodes >= episodes && !self.fresh {
+                self.read += 1;
+                return Ok(stored.clone());
+            }
+        }
+        let mut robot = TrainedRobot::new(policy, token, protocol.config().backend)?;
+        let label = format!("{}, z = {token}, {crowd}", policy.identity.name);
+        let mut progress = Progress::new(&label, episodes, 0);
+        let run = protocol
+            .evaluate(&mut robot, subject, crowd, episodes, None, |done| progress.set(done, ""))
+            .with_context(|| label.clone())?;
+        progress.finish(&format!("success {:.2}", run.result.summary.success_rate.unwrap_or(0.0)));
+        let cell =
+            CompactCell::new(key, policy.identity.clone(), metric_scale(protocol.config()), &run.records);
+        if let Some(stored) = stored {
+            self.compare(&path, &stored, &cell)?;
+        } else {
+            self.new += 1;
+            write_atomically(&path, &cell.text())?;
+        }
+        Ok(cell)
+    }
+
+    /// A stored cell must be the beginning of the new one, or the other way round; the longer one stays.
+    fn compare(&mut self, path: &Path, stored: &CompactCell, cell: &CompactCell) -> Result<()> {
+        let shared = stored.head.episodes.min(cell.head.episodes) as usize;
+        let (old, new) = (stored.episodes(shared), cell.episodes(shared));
+        if let Some(episode) = (0..shared).find(|&k| old[k] != new[k]) {
+            bail!(
+                "{}: episode {episode} now comes out otherwise: stored {:?}, now {:?}",
+                path.display(),
+                old[episode],
+                new[episode]
+            );
+        }
+        self.same += 1;
+        if cell.head.episodes > stored.head.episodes {
+            write_atomically(path, &cell.text())?;
+        }
+        Ok(())
+    }
+
+    /// Says what was done, on standard error.
+    pub(crate) fn describe(&self) {
+        let Self { new, same, read, .. } = self;
+        note(&format!(
+            "{}: {read} cells read, {new} run, {same} run again with the same result",
+            self.folder.display()
+        ));
+    }
+}
+
+/// SHA-256 of a map's file.
+fn map_sha256(path: &Path) -> Result<String> {
+    let bytes = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
+    Ok(hex_sha256(&bytes))
+}

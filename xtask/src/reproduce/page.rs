@@ -1,0 +1,88 @@
+//! `docs/reproduction.md`: its tables are filled from `results/`, its prose is written by hand.
+//!
+//! A table stands between `<!-- begin: NAME -->` and `<!-- end: NAME -->` and is the file `results/NAME.md`.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, Result, bail};
+
+use crate::output::note;
+use crate::provenance::workspace;
+use crate::run_folder::{read_optional, write_atomically};
+
+/// What stands for a result that is not there.
+const NOTHING: &str = "*Not run yet.*\n";
+
+/// The page.
+pub(super) fn default_page() -> PathBuf {
+    workspace().join("docs/reproduction.md")
+}
+
+/// Fills the page's tables from a folder of results.
+pub(super) fn fill(page: &Path, results: &Path) -> Result<()> {
+    let text = read_optional(page)?.with_context(|| format!("{} is missing", page.display()))?;
+    let filled = filled(&text, results).with_context(|| page.display().to_string())?;
+    if filled != text {
+        write_atomically(page, &filled)?;
+    }
+    note(&format!("{}: filled from {}", page.display(), results.display()));
+    Ok(())
+}
+
+/// The text with every table replaced by its result.
+fn filled(text: &str, results: &Path) -> Result<String> {
+    let mut filled = String::new();
+    let mut rest = text;
+    while let Some(at) = rest.find("<!-- begin: ") {
+        let line_end = rest[at..].find('\n').map_or(rest.len(), |end| at + end + 1);
+        let name = rest[at..line_end].trim().trim_start_matches("<!-- begin: ").trim_end_matches(" -->");
+        let end_mark = format!("<!-- end: {name} -->");
+        let Some(end) = rest[line_end..].find(&end_mark).map(|end| line_end + end) else {
+            bail!("no {end_mark} after its begin");
+        };
+        let result = read_optional(&results.join(format!("{name}.md")))?;
+        let body = result.map_or_else(|| NOTHING.to_owned(), |text| demoted(&text));
+        for part in [&rest[..line_end], "\n", body.trim_end(), "\n\n", &end_mark] {
+            filled += part;
+        }
+        rest = &rest[end + end_mark.len()..];
+    }
+    Ok(filled + rest)
+}
+
+/// Headings one level lower, so that they fit into a page.
+fn demoted(text: &str) -> String {
+    text.lines()
+        .map(|line| if line.starts_with("##") { format!("#{line}\n") } else { format!("{line}\n") })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tables_are_replaced_and_prose_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("a.md"), "## A\n\n| 1 |\n").unwrap();
+        let page = "# Page\nProse.\n<!-- begin: a -->\nold\n<!-- end: a -->\nMore.\n<!-- begin: b -->\n<!-- end: b -->\n";
+        let once = filled(page, folder.path()).unwrap();
+        assert_eq!(
+            once,
+            "# Page\nProse.\n<!-- begin: a -->\n\n### A\n\n| 1 |\n\n<!-- end: a -->\nMore.\n<!-- begin: b -->\n\n\
+             *Not run yet.*\n\n<!-- end: b -->\n"
+        );
+        assert_eq!(filled(&once, folder.path()).unwrap(), once);
+        assert!(filled("<!-- begin: a -->\n", folder.path()).is_err());
+    }
+
+    #[test]
+    fn the_page_is_what_the_results_say() {
+        let text = std::fs::read_to_string(default_page()).unwrap();
+        let expected = filled(&text, &workspace().join("results")).unwrap();
+        assert!(text == expected, "run `cargo xtask reproduce page`: results/ has changed");
+        for name in ["table1", "table2", "table3", "table4", "table5", "claims", "tokens", "outcomes"] {
+            assert!(text.contains(&format!("<!-- begin: {name} -->")), "{name}");
+        }
+    }
+}
