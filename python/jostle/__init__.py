@@ -41,7 +41,6 @@ def parallel_env(
     observe_token: bool = False,
     config: StrPath | None = None,
     settings: Mapping[str, Setting] | None = None,
-    render_mode: None = None,
 ) -> RobotsEnv:
     """Several robots in one room, each other's crowd as in training: a PettingZoo ``ParallelEnv``.
 
@@ -69,7 +68,6 @@ def parallel_env(
         observe_token=observe_token,
         config=config,
         settings=settings,
-        render_mode=render_mode,
     )
 
 

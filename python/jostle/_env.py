@@ -73,10 +73,7 @@ class RoomEnv(gymnasium.Env[Float32, Float32]):
         config: StrPath | None = None,
         settings: Mapping[str, Setting] | None = None,
         copy: bool = True,
-        render_mode: None = None,
     ) -> None:
-        if render_mode is not None:
-            raise ValueError(f"render_mode: found {render_mode!r}, expected None; `cargo xtask replay` shows episodes")
         words = keywords(
             crowd,
             n_pedestrians=n_pedestrians,

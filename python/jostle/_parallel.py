@@ -29,10 +29,7 @@ class RobotsEnv(ParallelEnv[str, Float32, Float32]):
         observe_token: bool = False,
         config: StrPath | None = None,
         settings: Mapping[str, Setting] | None = None,
-        render_mode: None = None,
     ) -> None:
-        if render_mode is not None:
-            raise ValueError(f"render_mode: found {render_mode!r}, expected None")
         if not 1 <= n_behaviours < 2**32:
             raise ValueError(f"n_behaviours: found {n_behaviours}, expected a whole number from 1 on")
         count("n_agents", n_agents, least=1)

@@ -134,7 +134,6 @@ def test_pedestrians_may_see_the_robot() -> None:
         ({"n_pedestrians": -1}, "n_pedestrians: found -1, expected a whole number from 0 on"),
         ({"n_pedestrians": 900}, "n_agents: found 901, expected so few that their spawn clearances"),
         ({"crowd": "NH", "pool": "/nonexistent"}, "/nonexistent: cannot open"),
-        ({"render_mode": "human"}, "render_mode: found 'human', expected None"),
     ],
 )
 def test_mistakes_are_one_line(keywords: dict, message: str) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.env_checker import check_env
+from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.monitor import Monitor
 
 import jostle
@@ -36,3 +37,9 @@ def test_ppo_trains_and_is_tested() -> None:
     found = jostle.evaluate(act, "SF", episodes=20, n_pedestrians=2)
     assert found.episodes == 20
     assert found == jostle.evaluate(act, "SF", episodes=20, n_pedestrians=2)
+
+
+def test_its_maker_of_vectors_takes_rooms_by_their_name() -> None:
+    rooms = make_vec_env("jostle/Room-v0", n_envs=2, seed=0, env_kwargs={"crowd": "VO"})
+    observations = rooms.reset()
+    assert observations.shape == (2, 1540) and not np.array_equal(observations[0], observations[1])
