@@ -24,6 +24,9 @@ fn assert_near(found: f32, expected: f64) {
     assert!((f64::from(found) - expected).abs() <= 2e-6 * (1.0 + expected.abs()), "{found} {expected}");
 }
 
+/// Numbers of rows: AVX2, which Miri knows, has tiles of up to 6 rows, AVX-512 of up to 14.
+const ROWS: &[usize] = if cfg!(miri) { &[1, 7] } else { &[1, 7, 13, 15] };
+
 /// How a product starts and how it finishes.
 #[derive(Clone, Copy, Debug)]
 enum Mode {
@@ -74,8 +77,7 @@ fn check_rows<const ROW: usize>(isa: Isa, rows: usize, (blocks, block_len): (usi
 #[test]
 fn rows_read_and_write_their_operands_alone() {
     for isa in Isa::available() {
-        // 5 and 13: one tile of either width; 15: a second tile for both.
-        for rows in [1, 5, 13, 15] {
+        for &rows in ROWS {
             for mode in [Mode::ZeroStore, Mode::BiasRelu, Mode::AccumulateMask] {
                 check_rows::<2>(isa, rows, (2, 3), mode);
                 check_rows::<16>(isa, rows, (2, 2), mode);
