@@ -2,21 +2,27 @@
 //!
 //! All steps that build use the release profile, so that a cold machine builds the dependencies once for checking and
 //! once for running. Every tool's own output stays visible; each step ends with one line of ours, with its time.
+//!
+//! What needs more than Rust is asked for by name (`--web`, `--book`) and then runs alone.
 
 use std::process::{Command, ExitCode};
 use std::time::Instant;
 
-use anyhow::{Context as _, Result};
+use anyhow::{Context as _, Result, ensure};
 use clap::Args;
 
-use crate::output;
 use crate::progress::clock;
 use crate::provenance::workspace;
-use crate::python;
+use crate::tools::MDBOOK;
+use crate::{browser, output, python};
 
 /// Arguments of `ci`.
 #[derive(Args)]
-#[command(after_help = "Examples:\n  cargo xtask ci\n  cargo xtask ci --python")]
+#[command(
+    after_help = "Examples:\n  cargo xtask ci\n  cargo xtask ci --keep-going\n  cargo xtask ci --python\n  \
+    cargo xtask ci --web --book\n\n\
+    Without --web, --book and --python: format, lints, documentation, tests, doctests. With them: these checks alone."
+)]
 pub(crate) struct CiArgs {
     /// Go on after a failed step and name all of them at the end.
     #[arg(long)]
@@ -24,16 +30,23 @@ pub(crate) struct CiArgs {
     /// Check the Python package instead, in a virtual environment under target/ that is made for it.
     #[arg(long)]
     python: bool,
+    /// Drive the replay page and the live page in Chromium, without a window.
+    #[arg(long)]
+    web: bool,
+    /// Build the documentation as a book into target/book, with mdBook, which is installed if it is not there.
+    #[arg(long)]
+    book: bool,
 }
 
-/// A step at work; whether it passed.
-type Work = dyn Fn() -> Result<bool>;
-
+/// A step that calls cargo.
 struct Step {
     name: &'static str,
     arguments: &'static [&'static str],
     environment: &'static [(&'static str, &'static str)],
 }
+
+/// A check with its name.
+type Check<'a> = (&'static str, Box<dyn Fn() -> Result<bool> + 'a>);
 
 const STEPS: [Step; 5] = [
     Step { name: "fmt", arguments: &["fmt", "--all", "--check"], environment: &[] },
@@ -69,21 +82,16 @@ const STEPS: [Step; 5] = [
 pub(crate) fn run(args: &CiArgs) -> Result<ExitCode> {
     let mut lines = Vec::new();
     let mut failed = Vec::new();
-    let steps: Vec<(&str, Box<Work>)> = if args.python {
-        python::STEPS.iter().map(|(name, work)| (*name, Box::new(work) as _)).collect()
-    } else {
-        STEPS.iter().map(|step| (step.name, Box::new(|| run_step(step)) as _)).collect()
-    };
-    for (name, work) in &steps {
+    for (name, check) in checks(args) {
         output::note(&format!("ci: {name} …"));
         let started = Instant::now();
-        let passed = work()?;
+        let passed = check()?;
         let verdict = if passed { "ok" } else { "FAIL" };
         let line = format!("ci: {name:<9} {verdict:<4} {}\n", clock(started.elapsed().as_secs_f64()));
         output::result(&line)?;
         lines.push(line);
         if !passed {
-            failed.push(*name);
+            failed.push(name);
             if !args.keep_going {
                 break;
             }
@@ -95,6 +103,50 @@ pub(crate) fn run(args: &CiArgs) -> Result<ExitCode> {
     }
     output::result(&format!("\n{}ci: failed: {}\n", lines.concat(), failed.join(", ")))?;
     Ok(ExitCode::FAILURE)
+}
+
+/// What is asked for by name, or else the ordinary steps.
+fn checks(args: &CiArgs) -> Vec<Check<'static>> {
+    let mut checks: Vec<Check<'static>> = Vec::new();
+    if args.web {
+        checks.push(("web", Box::new(|| Ok(told(&browser::check())))));
+    }
+    if args.book {
+        checks.push(("book", Box::new(|| Ok(told(&build_book())))));
+    }
+    if args.python {
+        checks.extend(python::STEPS.iter().map(|(name, work)| (*name, Box::new(work) as Box<dyn Fn() -> Result<bool>>)));
+    }
+    if checks.is_empty() {
+        checks.extend(
+            STEPS
+                .iter()
+                .map(|step| (step.name, Box::new(|| run_step(step)) as Box<dyn Fn() -> Result<bool>>)),
+        );
+    }
+    checks
+}
+
+/// A check of ours says why it failed, and the others still run.
+fn told(outcome: &Result<()>) -> bool {
+    if let Err(error) = outcome {
+        output::note(&format!("error: {}", output::one_line(error)));
+    }
+    outcome.is_ok()
+}
+
+fn build_book() -> Result<()> {
+    let out = workspace().join("target/book");
+    let built = Command::new(MDBOOK.find()?)
+        .arg("build")
+        .arg(workspace().join("docs"))
+        .arg("--dest-dir")
+        .arg(&out)
+        .status()
+        .context("cannot start mdbook")?;
+    ensure!(built.success(), "mdbook cannot build the documentation");
+    output::note(&format!("book: {}", out.join("index.html").display()));
+    Ok(())
 }
 
 fn run_step(step: &Step) -> Result<bool> {

@@ -6,7 +6,7 @@ use anyhow::Result;
 use clap::{Parser, Subcommand};
 
 use crate::{
-    bench, chaos, ci, compare, config_explain, conformance, demo, doctor, evaluate, fuzz, milestones, output,
+    bench, chaos, ci, compare, config, conformance, demo, doctor, evaluate, fuzz, milestones, output, play,
     plot, replay, reproduce, runs, ship, tensorboard, train, verify,
 };
 
@@ -48,6 +48,8 @@ pub(crate) enum Command {
     Demo(demo::DemoArgs),
     /// Write episodes of a policy as one page that a browser plays.
     Replay(replay::ReplayArgs),
+    /// Drive a policy among a crowd in real time, on a page of this machine.
+    Play(play::PlayArgs),
     /// List training runs with state and success.
     Runs(runs::RunsArgs),
     /// Print what two runs have in different.
@@ -58,8 +60,8 @@ pub(crate) enum Command {
     Plot(plot::PlotArgs),
     /// Name what is missing or odd here, and what to do.
     Doctor(doctor::DoctorArgs),
-    /// Explain the keys of a configuration.
-    Config(config_explain::ConfigArgs),
+    /// Explain the keys of a configuration, or print its JSON Schema.
+    Config(config::ConfigArgs),
     /// Write the logs of runs as event files for TensorBoard.
     Tensorboard(tensorboard::TensorboardArgs),
     /// Measure: an update, the simulator, the evaluation, other software beside ours.
@@ -82,12 +84,13 @@ impl Command {
             Self::Fuzz(args) => fuzz::run(&args),
             Self::Demo(args) => demo::run(&args),
             Self::Replay(args) => replay::run(&args),
+            Self::Play(args) => play::run(&args),
             Self::Runs(args) => runs::run(&args),
             Self::Compare(args) => compare::run(&args),
             Self::Milestones(args) => milestones::run(&args),
             Self::Plot(args) => plot::run(&args),
             Self::Doctor(args) => doctor::run(&args),
-            Self::Config(args) => config_explain::run(&args),
+            Self::Config(args) => config::run(&args),
             Self::Tensorboard(args) => tensorboard::run(&args),
             Self::Bench(args) => bench::run(&args),
             Self::Ci(args) => ci::run(&args),
@@ -130,7 +133,7 @@ mod tests {
         for page in pages.chain([workspace().join("README.md")]) {
             let text = std::fs::read_to_string(&page).unwrap();
             for line in text.lines().filter_map(|line| line.strip_prefix("cargo xtask ")) {
-                let command = line.split('#').next().unwrap_or(line);
+                let command = line.split(['#', '>']).next().unwrap_or(line);
                 let words = ["xtask"].into_iter().chain(command.split_whitespace());
                 if let Err(error) = Cli::try_parse_from(words) {
                     panic!("{}: {command}: {error}", page.display());

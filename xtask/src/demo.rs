@@ -58,14 +58,14 @@ pub(crate) fn run(args: &DemoArgs) -> Result<ExitCode> {
 }
 
 /// The first policy of the folder `policies`, by name.
-fn shipped() -> Option<PathBuf> {
+pub(crate) fn shipped() -> Option<PathBuf> {
     let entries = std::fs::read_dir(workspace().join("policies")).ok()?;
     let paths = entries.filter_map(|entry| Some(entry.ok()?.path()));
     paths.filter(|path| path.extension().is_some_and(|extension| extension == "safetensors")).min()
 }
 
-/// Hands a page to the desktop's browser; whether a program for that was found.
-fn open(page: &Path) -> bool {
+/// Hands a page, a file or an address, to the desktop's browser; whether a program for that was found.
+pub(crate) fn open(page: &Path) -> bool {
     let program = match std::env::consts::OS {
         "macos" => "open",
         "windows" => "explorer",

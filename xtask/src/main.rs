@@ -6,19 +6,20 @@
 //! [`reproduce`] (the paper's tables), [`ship`] and [`verify`] (what the repository holds of them), [`conformance`] (our code against recorded results of other software), [`mod@bench`] (how
 //! fast it all is), [`ci`].
 //!
-//! What a person looks at: [`demo`] and [`replay`] (episodes on a page), [`plot`] (curves and bars), [`runs`], [`compare`],
-//! [`milestones`],
-//! [`tensorboard`] (logs of training), [`config_explain`], [`doctor`].
+//! What a person looks at: [`demo`] and [`replay`] (episodes on a page), [`play`] (a policy in real time), [`plot`]
+//! (curves, bars, tokens, ways), [`runs`], [`compare`], [`milestones`], [`tensorboard`] (logs of training), [`config`],
+//! [`doctor`].
 
 #![forbid(unsafe_code)]
 
 mod bench;
+mod browser;
 mod cells;
 mod chaos;
 mod ci;
 mod cli;
 mod compare;
-mod config_explain;
+mod config;
 mod conformance;
 mod demo;
 mod doctor;
@@ -27,6 +28,7 @@ mod fuzz;
 mod milestones;
 mod ndjson;
 mod output;
+mod play;
 mod plot;
 mod policies;
 mod progress;
@@ -39,6 +41,7 @@ mod runs;
 mod ship;
 mod tensorboard;
 mod threads;
+mod tools;
 mod train;
 mod verify;
 

@@ -3,6 +3,9 @@
 mod common;
 
 use std::fs;
+use std::io::{BufRead as _, BufReader, Read as _, Write as _};
+use std::net::TcpStream;
+use std::process::{Command, Stdio};
 
 use common::tiny::finished_run;
 use common::{accepted, refused, text};
@@ -125,6 +128,32 @@ fn curves_and_bars_are_pictures() {
 }
 
 #[test]
+fn tokens_become_a_grid() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = text(folder.path());
+    for token in ["0", "1"] {
+        accepted(&[
+            "evaluate",
+            text(finished_run()),
+            "--crowds",
+            "SF",
+            "--episodes",
+            "2",
+            "--token",
+            token,
+            "--out",
+            out,
+        ]);
+    }
+    let files = ["0", "1"].map(|token| format!("{out}/run-z{token}.json"));
+    let printed = accepted(&["plot", &files[0], &files[1], "--out", out]);
+    let grid = fs::read_to_string(printed.trim()).unwrap();
+    check_svg(&grid);
+    assert!(grid.contains("z = 1") && grid.contains("2 episodes a cell"));
+    refused(&["plot", &files[0], &files[0], "--out", out], &["token 0", "twice"]);
+}
+
+#[test]
 fn runs_are_listed_with_their_state() {
     let listed = accepted(&["runs", text(finished_run().parent().unwrap())]);
     let line = listed.lines().nth(1).unwrap();
@@ -183,6 +212,40 @@ fn an_event_file_has_a_record_for_each_update() {
 fn keys_are_explained_and_slips_answered() {
     assert!(accepted(&["config", "explain", "gamma"]).starts_with("gamma = 0.99"));
     refused(&["config", "explain", "gama"], &["gama", "did you mean gamma?"]);
+    let schema: Value = serde_json::from_str(&accepted(&["config", "schema"])).unwrap();
+    assert_eq!(schema["properties"]["gamma"]["maximum"], 1.0);
+}
+
+#[test]
+fn play_says_what_it_cannot_play_and_names_its_page() {
+    refused(&["play", "--crowd", "IN", "--no-open"], &["IN", "--pool"]);
+    refused(&["play", "no-such-run", "--no-open"], &["no-such-run"]);
+    let mut server = Command::new(env!("CARGO_BIN_EXE_xtask"))
+        .args(["play", "--no-open", "--seed", "7"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let mut line = String::new();
+    BufReader::new(server.stdout.take().unwrap()).read_line(&mut line).unwrap();
+    let address =
+        line.trim().strip_prefix("http://").and_then(|rest| rest.strip_suffix('/')).unwrap().to_owned();
+    let page = get(&address, &address);
+    let stranger = get(&address, "elsewhere.example");
+    server.kill().unwrap();
+    server.wait().unwrap();
+    assert!(page.starts_with("HTTP/1.1 200") && page.contains("jostle: live"), "{page}");
+    assert!(!page.contains("{{") && !page.contains("https:") && !page.contains("src="));
+    assert!(stranger.starts_with("HTTP/1.1 403"), "{stranger}");
+}
+
+/// Asks a server for its page under a name.
+fn get(address: &str, host: &str) -> String {
+    let mut stream = TcpStream::connect(address).unwrap();
+    write!(stream, "GET / HTTP/1.1\r\nHost: {host}\r\n\r\n").unwrap();
+    let mut reply = String::new();
+    stream.read_to_string(&mut reply).unwrap();
+    reply
 }
 
 #[test]
@@ -195,9 +258,12 @@ fn the_doctor_looks_at_everything() {
 
 #[test]
 fn every_help_has_an_example() {
-    for command in
-        ["demo", "replay", "plot", "runs", "compare", "milestones", "doctor", "config", "tensorboard"]
-    {
+    let help = accepted(&["--help"]);
+    let listed =
+        help.lines().skip_while(|line| *line != "Commands:").skip(1).take_while(|line| !line.is_empty());
+    let commands: Vec<&str> = listed.filter_map(|line| line.split_whitespace().next()).collect();
+    assert!(commands.len() > 15 && commands.contains(&"play"), "{commands:?}");
+    for command in commands.into_iter().filter(|command| *command != "help") {
         let help = accepted(&[command, "--help"]);
         assert!(help.contains(&format!("cargo xtask {command}")), "{help}");
     }

@@ -10,6 +10,8 @@
 
 pub mod clock;
 pub mod crowds;
+#[cfg(doctest)]
+mod documents;
 mod error;
 pub mod evaluation;
 pub mod learners;

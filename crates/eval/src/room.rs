@@ -1,10 +1,13 @@
 //! One test room: a robot (body 0) among pedestrians (bodies 1 …), for one episode.
 //!
-//! Reading order: [`EvalRoom::new`] (spawn), [`EvalRoom::step`] (a control period, in the order of its calls).
+//! Reading order: [`EvalRoom::new`] (spawn), [`EvalRoom::step`] (a control period, in the order of its calls); `live` (a
+//! room that someone changes while it runs).
 //!
 //! Every draw comes from a stream named by its purpose and by the episode's index, so that episode k starts the same in
 //! every crowd, for every policy and at any lock step. What pedestrians draw later (goals, re-spawns) has a stream for
 //! each pedestrian.
+
+mod live;
 
 use glam::Vec2;
 use jostle_peds::{CrowdKind, Motion as Walk, Pedestrian, RoomView, Visibility};
@@ -415,12 +418,19 @@ impl EvalRoom {
     fn write_row(&mut self, plan: &RoomPlan, body: usize, frame: fn(&mut Observer, &[f32], &mut [f32])) {
         let (beams, row_len) = (plan.config.sim.laser.beams, plan.config.sim.observation_len());
         let row = &mut self.observations[body * row_len..(body + 1) * row_len];
+        frame(&mut self.observers[body], &self.ranges[body * beams..(body + 1) * beams], row);
+        self.write_motion(plan, body);
+    }
+
+    /// Goal and velocity of an observer's row.
+    fn write_motion(&mut self, plan: &RoomPlan, body: usize) {
+        let row_len = plan.config.sim.observation_len();
+        let row = &mut self.observations[body * row_len..(body + 1) * row_len];
         let goal = if body == ROBOT { self.goal } else { self.pedestrians[body - 1].goal };
         let velocity = match self.motions[body] {
             Motion::Drive { v, w } if !self.stalled[body] => [v, w],
             _ => [0.0; 2],
         };
-        frame(&mut self.observers[body], &self.ranges[body * beams..(body + 1) * beams], row);
         self.observers[body].write_motion(self.world.pose(body), goal, velocity, row);
     }
 }

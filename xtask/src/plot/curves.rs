@@ -44,12 +44,14 @@ pub(crate) struct Curve {
 
 /// One picture of the page.
 pub(crate) struct Panel {
-    pub(crate) title: &'static str,
+    pub(crate) title: String,
     /// The whole range, where it is known; else it follows from the data.
     pub(crate) range: Option<(f64, f64)>,
     /// A level to compare with, such as that of guessing, for each number of behaviours that occurs.
     pub(crate) levels: Vec<f64>,
     pub(crate) curves: Vec<Curve>,
+    /// What is said where there is no curve.
+    pub(crate) empty: &'static str,
 }
 
 /// All that is drawn on one page.
@@ -74,7 +76,9 @@ pub(crate) fn panels(groups: &[Group<'_>], window: usize) -> Panels {
         let chosen = groups.iter().enumerate().filter(|(_, group)| shown(group));
         chosen.map(|(index, group)| Curve { group: index, dashed, points: points(group, measure) }).collect()
     };
-    let panel = |title, range, levels, curves| Panel { title, range, levels, curves };
+    let empty = "nothing to show: one behaviour";
+    let panel =
+        |title: &str, range, levels, curves| Panel { title: title.to_owned(), range, levels, curves, empty };
     let both = |first, second| {
         [of(first, false, &several), of(second, true, &several)].into_iter().flatten().collect()
     };

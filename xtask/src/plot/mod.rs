@@ -1,21 +1,23 @@
-//! `cargo xtask plot`: learning curves of runs, or the bars of a table, as SVG.
+//! `cargo xtask plot`: learning curves of runs, the bars of a table, the tokens of a policy, as SVG and PNG.
 //!
-//! Reading order: this file (what is asked for), [`curves`] (what is measured and smoothed), [`draw`] (the pictures; the
-//! only place that knows the plotting library).
+//! Reading order: this file (what is asked for), [`curves`] (what is measured and smoothed), [`tokens`] (a policy's
+//! evaluations as a grid), [`draw`] (the pictures; the only place that knows the plotting library), [`picture`] (files).
 
-mod curves;
-mod draw;
+pub(crate) mod curves;
+pub(crate) mod draw;
+pub(crate) mod picture;
+mod tokens;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context as _, Result, bail, ensure};
 use clap::Args;
-use jostle_eval::report::SuccessTable;
+use jostle_eval::report::{Evaluation, SuccessTable};
 
 use self::curves::{groups, panels};
+use self::draw::paths::PathFigure;
 use crate::output;
-use crate::run_folder::write_atomically;
 use crate::runs::log::RunLog;
 use crate::runs::search;
 
@@ -25,10 +27,12 @@ const DEPTH: usize = 5;
 /// Arguments of `plot`.
 #[derive(Args)]
 #[command(after_help = "Examples:\n  cargo xtask plot runs/ours runs/baseline\n  \
-    cargo xtask plot runs --window 200 --out figures\n  cargo xtask plot results/table1/table1.json\n\n\
+    cargo xtask plot runs --window 200 --out figures --png\n  cargo xtask plot results/table1/table1.json\n  \
+    cargo xtask plot runs/evaluation/ours-z0.json runs/evaluation/ours-z1.json\n\n\
     Runs that differ in their seed alone are one curve: the mean, in a band from the least to the greatest.")]
 pub(crate) struct PlotArgs {
-    /// Run folders, folders of run folders, or the JSON file of a table of success rates.
+    /// Run folders, folders of run folders, or JSON files: a table of success rates, what `evaluate` wrote for the tokens
+    /// of a policy, the ways of a robot.
     #[arg(required = true)]
     what: Vec<PathBuf>,
     /// Updates over which curves are smoothed; 1 shows every update as it was.
@@ -37,27 +41,37 @@ pub(crate) struct PlotArgs {
     /// Folder for the pictures.
     #[arg(long, value_name = "DIR", default_value = "runs/plots")]
     out: PathBuf,
+    /// Write each picture as PNG, too.
+    #[arg(long)]
+    png: bool,
 }
 
 /// Draws what the arguments name.
 pub(crate) fn run(args: &PlotArgs) -> Result<ExitCode> {
     ensure!(args.window > 0, "--window: found 0, expected at least 1");
-    let (tables, folders): (Vec<&PathBuf>, Vec<&PathBuf>) =
+    let (files, folders): (Vec<&PathBuf>, Vec<&PathBuf>) =
         args.what.iter().partition(|path| path.extension().is_some_and(|extension| extension == "json"));
     let mut pictures = Vec::new();
-    for path in tables {
+    let mut evaluations = Vec::new();
+    for path in files {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        pictures.push((format!("{stem}.svg"), draw::bars(&table(path)?)?));
+        match report(path)? {
+            Report::Table(table) => pictures.push((stem, draw::bars::bars(&table)?)),
+            Report::Paths(figure) => pictures.push((stem, draw::paths::paths(&figure)?)),
+            Report::Evaluation(evaluation) => evaluations.push(evaluation),
+        }
+    }
+    for (name, map) in tokens::heat_maps(&evaluations)? {
+        pictures.push((format!("{name}-tokens"), draw::heat::heat_map(&map)?));
     }
     if !folders.is_empty() {
-        pictures
-            .push(("curves.svg".to_owned(), draw::curves(&panels(&groups(&runs(&folders)?), args.window))?));
+        let panels = panels(&groups(&runs(&folders)?), args.window);
+        pictures.push(("curves".to_owned(), draw::panels::curves(&panels)?));
     }
-    std::fs::create_dir_all(&args.out).with_context(|| format!("cannot create {}", args.out.display()))?;
     for (name, picture) in pictures {
-        let path = args.out.join(name);
-        write_atomically(&path, &picture)?;
-        output::result(&format!("{}\n", path.display()))?;
+        for path in picture::write(&args.out, &name, &picture, args.png)? {
+            output::result(&format!("{}\n", path.display()))?;
+        }
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -85,8 +99,26 @@ fn runs(folders: &[&PathBuf]) -> Result<Vec<RunLog>> {
     Ok(runs)
 }
 
-fn table(path: &Path) -> Result<SuccessTable> {
+/// What a JSON file may hold.
+enum Report {
+    Table(SuccessTable),
+    Evaluation(Evaluation),
+    Paths(PathFigure),
+}
+
+fn report(path: &Path) -> Result<Report> {
     let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
-    serde_json::from_str(&text)
-        .with_context(|| format!("{} is no table of success rates (such as table1.json)", path.display()))
+    if let Ok(evaluation) = serde_json::from_str(&text) {
+        return Ok(Report::Evaluation(evaluation));
+    }
+    if let Ok(figure) = serde_json::from_str(&text) {
+        return Ok(Report::Paths(figure));
+    }
+    let table = serde_json::from_str(&text).with_context(|| {
+        format!(
+            "{} is neither a table of success rates (such as table1.json) nor what `evaluate` wrote nor a robot's ways",
+            path.display()
+        )
+    })?;
+    Ok(Report::Table(table))
 }

@@ -52,8 +52,13 @@ impl Driver {
 
     /// The robot, ready to act in rooms of the configuration.
     pub(crate) fn robot(&self, config: &EvalConfig) -> Result<Box<dyn RobotPolicy>> {
+        self.robot_with(self.token.unwrap_or(0), config)
+    }
+
+    /// The robot with another token than the driver's own; the hand-written policy knows none.
+    pub(crate) fn robot_with(&self, token: u32, config: &EvalConfig) -> Result<Box<dyn RobotPolicy>> {
         if let Some(policy) = &self.policy {
-            return Ok(Box::new(TrainedRobot::new(policy, self.token.unwrap_or(0), config.backend)?));
+            return Ok(Box::new(TrainedRobot::new(policy, token, config.backend)?));
         }
         let beams: Vec<[f32; 2]> = (0..config.sim.laser.beams)
             .map(|k| direction(std::f32::consts::TAU * k as f32 / config.sim.laser.beams as f32))

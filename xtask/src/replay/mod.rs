@@ -1,7 +1,7 @@
 //! `cargo xtask replay`: episodes of a policy as one page that a browser plays, alone or beside another policy.
 //!
 //! Reading order: this file (which episodes), [`driver`] (who drives the robot), [`page`] (the file that is written);
-//! `scene.js` draws a moment, `player.js` is the page around it.
+//! `scene.js` draws a moment, `player.js` is the page around it, `parts.js` what it shares with the live page.
 
 pub(crate) mod driver;
 pub(crate) mod page;
@@ -27,7 +27,7 @@ use crate::run_folder::write_atomically;
 use crate::{output, policies, threads};
 
 /// Beams of the laser that a page keeps at most.
-const BEAMS: usize = 128;
+pub(crate) const BEAMS: usize = 128;
 /// Episodes that are traced side by side.
 const CHUNK: u64 = 32;
 

@@ -17,8 +17,12 @@ use super::BEAMS;
 use super::driver::Driver;
 
 const TEMPLATE: &str = include_str!("page.html");
-const STYLE: &str = include_str!("style.css");
-const SCENE: &str = include_str!("scene.js");
+/// Colours and parts that the live page has, too.
+pub(crate) const STYLE: &str = include_str!("style.css");
+/// The drawing of a moment, which the live page shares.
+pub(crate) const SCENE: &str = include_str!("scene.js");
+/// Elements and words of both pages.
+pub(crate) const PARTS: &str = include_str!("parts.js");
 const PLAYER: &str = include_str!("player.js");
 
 /// Largest coordinate and range that the page's integers hold (m).
@@ -184,6 +188,7 @@ impl Page {
             ("style", STYLE),
             ("data", &data),
             ("scene", SCENE),
+            ("parts", PARTS),
             ("player", PLAYER),
         ];
         Ok(fill(TEMPLATE, &parts))
@@ -191,7 +196,7 @@ impl Page {
 }
 
 /// The template with each `{{name}}` replaced once; what is put in is not searched again.
-fn fill(template: &str, parts: &[(&str, &str)]) -> String {
+pub(crate) fn fill(template: &str, parts: &[(&str, &str)]) -> String {
     let mut text = String::new();
     let mut rest = template;
     for (name, part) in parts {
@@ -247,7 +252,7 @@ fn milli(value: f32) -> i16 {
 }
 
 /// Base 64 with padding (RFC 4648, section 4).
-fn base64(bytes: &[u8]) -> String {
+pub(crate) fn base64(bytes: &[u8]) -> String {
     const ALPHABET: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
     for chunk in bytes.chunks(3) {

@@ -1,27 +1,13 @@
 "use strict";
 // The page around the scenes: episodes and filters, time, keys. All state is in `now`; `show` draws it.
 (() => {
-  const $ = (id) => document.getElementById(id);
+  const { $, OUTCOMES, CROWDS, bytes, element, mark } = Parts;
   const data = JSON.parse($("data").textContent);
   const { world, policies, episodes } = data;
-  const OUTCOMES = {
-    success: "reached its goal", collision_pedestrian: "hit a pedestrian", collision_wall: "hit a wall", timeout: "ran out of time",
-  };
   const SHORT = { success: "goal", collision_pedestrian: "pedestrian", collision_wall: "wall", timeout: "time out" };
-  const CROWDS = {
-    NH: "learned pedestrians", IN: "learned, blind to the robot", VA: "learned, at various speeds, blind to the robot",
-    SO: "learned, half trained", VO: "velocity obstacles (ORCA)", SF: "social force",
-  };
-  const LAYERS = { laser: ["Laser", "l"], trails: ["Trails", "t"], goals: ["Goals", "g"], speed: ["Arrows", "a"] };
   const INKS = ["accent", "second"];
 
   // Numbers are stored as little-endian 16-bit integers (or bytes) in base 64.
-  function bytes(text) {
-    const raw = atob(text), out = new Uint8Array(raw.length);
-    for (let k = 0; k < raw.length; k++) out[k] = raw.charCodeAt(k);
-    return out;
-  }
-
   function numbers(text, units) {
     const view = new DataView(bytes(text).buffer), out = new Float32Array(view.byteLength / 2);
     for (let k = 0; k < out.length; k++) out[k] = view.getInt16(2 * k, true) * units[k % units.length];
@@ -51,19 +37,6 @@
   const episode = () => now.shown[now.at];
   const length = () => Math.max(...episode().runs.map((run) => run.steps));
   const seconds = (steps) => (steps * world.dt).toFixed(1) + " s";
-
-  function element(tag, attributes, ...children) {
-    const made = document.createElement(tag);
-    for (const [key, value] of Object.entries(attributes || {})) {
-      if (key === "class") made.className = value;
-      else if (key.startsWith("on")) made.addEventListener(key.slice(2), value);
-      else made.setAttribute(key, value);
-    }
-    made.append(...children);
-    return made;
-  }
-
-  const mark = (name, square) => element("span", { class: square ? "mark square" : "mark", style: `background:var(--${name})` });
 
   // --- Filters and the list -------------------------------------------------------------------------------------
 
@@ -124,24 +97,8 @@
 
   // --- Views ----------------------------------------------------------------------------------------------------
 
-  const views = policies.map((policy, k) => {
-    const canvas = element("canvas", { role: "img" });
-    const badge = element("span", { class: "badge" });
-    const values = ["Time", "Speed", "Turning", "Nearest thing", "Way to goal"].map((name) => [name, element("dd")]);
-    const node = element("div", { class: "view" },
-      element("h2", { title: policy.note }, mark(INKS[k], true), element("b", {}, policy.name), badge),
-      element("div", { class: "frame" }, canvas),
-      element("dl", {}, ...values.map(([name, value]) => element("div", {}, element("dt", {}, name), value))));
-    $("stage").append(node);
-    return { canvas, badge, node, values: values.map(([, value]) => value), frame: node.querySelector(".frame") };
-  });
-
-  function widthOf(view) {
-    const box = Scene.bounds(world.site), wide = (box.right - box.left + 0.7) / (box.top - box.bottom + 0.7);
-    const narrow = matchMedia("(max-width: 820px)").matches;
-    const height = narrow ? Infinity : view.frame.clientHeight;
-    return Math.max(160, Math.floor(Math.min(view.frame.clientWidth, height * wide)));
-  }
+  const VALUES = ["Time", "Speed", "Turning", "Nearest thing", "Way to goal"];
+  const views = policies.map((policy, k) => Parts.view($("stage"), INKS[k], policy.name, policy.note, VALUES));
 
   function showView(view, k) {
     const run = open(episode().runs[k], episode(), policies[k]);
@@ -278,21 +235,9 @@
   const step = (by) => { now.playing = false; seek(Math.round(now.time + by)); };
   const rate = (by) => { $("rate").selectedIndex = Math.min(5, Math.max(0, $("rate").selectedIndex + by)); };
 
-  function theme(name) {
-    document.documentElement.dataset.theme = name;
-    layout();
-  }
-  const turn = () => theme(document.documentElement.dataset.theme === "dark" ? "light" : "dark");
-
-  function layer(name) {
-    now.layers[name] = !now.layers[name];
-    $("layer-" + name).setAttribute("aria-pressed", String(now.layers[name]));
-    show();
-  }
-
   function measure() {
     views.forEach((view) => { view.canvas.style.width = view.canvas.style.height = "0"; });
-    views.forEach((view) => { view.width = widthOf(view); });
+    views.forEach((view) => { view.width = Parts.widthOf(view, world.site); });
   }
 
   function layout() {
@@ -300,20 +245,13 @@
     show();
   }
 
-  const KEYS = {
+  const turn = Parts.theme(wish.get("theme"), layout);
+
+  Parts.keys({
     " ": play, ArrowLeft: (e) => step(e.shiftKey ? -10 : -1), ArrowRight: (e) => step(e.shiftKey ? 10 : 1),
     ArrowUp: () => go(now.at - 1, now.playing), ArrowDown: () => go(now.at + 1, now.playing), Home: () => seek(0),
-    End: () => seek(Infinity), "+": () => rate(1), "-": () => rate(-1), d: turn,
-    ...Object.fromEntries(Object.entries(LAYERS).map(([name, [, key]]) => [key, () => layer(name)])),
-  };
-
-  addEventListener("keydown", (event) => {
-    if (event.ctrlKey || event.metaKey || event.altKey || event.target.tagName === "SELECT" || !episode()) return;
-    const act = KEYS[event.key];
-    if (!act || (event.key === " " && event.target.tagName === "BUTTON")) return;
-    event.preventDefault();
-    act(event);
-  });
+    End: () => seek(Infinity), "+": () => rate(1), "-": () => rate(-1), d: turn, ...Parts.layers(now.layers, show),
+  }, episode);
 
   function scrub(event) {
     const box = $("timeline").getBoundingClientRect();
@@ -332,19 +270,12 @@
   $("forward").addEventListener("click", (event) => step(event.shiftKey ? 10 : 1));
   $("previous").addEventListener("click", () => go(now.at - 1, now.playing));
   $("next").addEventListener("click", () => go(now.at + 1, now.playing));
-  $("theme").addEventListener("click", turn);
-  for (const [name, [label, key]] of Object.entries(LAYERS)) {
-    $("layers").append(element("button", { class: "chip", id: "layer-" + name, "aria-pressed": "true", title: `Key ${key}`,
-      onclick: () => layer(name) }, label));
-  }
   addEventListener("resize", layout);
 
   const share = policies.map((policy, k) =>
     `${policy.name}: ${episodes.filter((e) => e.runs[k].outcome === "success").length} of ${episodes.length} reached the goal`);
   $("headline").textContent = share.join(" · ") + (data.note ? " · " + data.note : "");
   $("headline").title = policies.map((policy) => `${policy.name}: ${policy.note}`).join("\n");
-  document.documentElement.dataset.theme =
-    wish.get("theme") || (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
   measure();
   choose();
   const wanted = now.shown.findIndex((e) => String(e.episode) === wish.get("episode"));

@@ -1,8 +1,10 @@
 "use strict";
-// Draws one moment of one run on a canvas. It knows rooms, bodies and scans, and nothing of players or pages.
+// Draws one moment of one run on a canvas. It knows rooms, bodies and scans, and nothing of players or pages:
+// the replay and the live page both draw with it.
 const Scene = (() => {
   const TAU = 2 * Math.PI;
   const TELEPORT = 1.0; // A body that is farther than this (m) from where it was a step ago was put there.
+  const MARGIN = 0.35; // Around the walls (m).
   const PAST = 40; // Steps of a pedestrian's trail.
 
   const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
@@ -32,7 +34,7 @@ const Scene = (() => {
 
   // The pen: world coordinates (metres, y upwards) on a canvas of `width` CSS pixels.
   function pen(canvas, site, width) {
-    const box = bounds(site), margin = 0.35;
+    const box = bounds(site), margin = MARGIN;
     const metres = box.right - box.left + 2 * margin, tall = box.top - box.bottom + 2 * margin;
     const scale = width / metres, ratio = window.devicePixelRatio || 1;
     const height = Math.round(tall * scale);
@@ -249,7 +251,7 @@ const Scene = (() => {
   }
 
   function drawEnd(p, run, time) {
-    if (time < run.steps) return;
+    if (!run.outcome || time < run.steps) return;
     const c = p.context, [x, y] = between(run.robot, run.steps, 0, 1, 0);
     c.strokeStyle = colour(run.outcome);
     c.lineWidth = 3;
@@ -303,5 +305,12 @@ const Scene = (() => {
     drawEnd(p, run, time);
   }
 
-  return { draw, colour, bounds };
+  // The place (m) that a pointer is at, on a canvas that was drawn with this width.
+  function locate(canvas, width, site, event) {
+    const box = bounds(site), corner = canvas.getBoundingClientRect(), metres = (box.right - box.left + 2 * MARGIN) / width;
+    const x = (event.clientX - corner.left) * metres, y = (event.clientY - corner.top) * metres;
+    return [box.left - MARGIN + x, box.top + MARGIN - y];
+  }
+
+  return { draw, locate, colour, bounds };
 })();

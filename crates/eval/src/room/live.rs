@@ -1,0 +1,218 @@
+//! A room that someone changes while it runs: another goal for the robot, one more pedestrian, one more obstacle.
+//!
+//! What is drawn comes from named streams, as in a test; so a room is a function of its seed and of the changes with the
+//! steps between them. Episodes that start later in the same plan have the pedestrians and obstacles that were added.
+
+use glam::Vec2;
+use jostle_peds::Pedestrian;
+use jostle_sim::{Hit, Motion, Observer, Pose, ScanSummary, Shape, Streams};
+
+use super::{EvalRoom, ROBOT, RoomPlan};
+use crate::error::EvalError;
+
+/// What is put into a running room keeps this distance from the robot's crash range (m).
+const MARGIN: f32 = 0.5;
+
+impl EvalRoom {
+    /// Gives the robot another goal. The time limit and the way count from here.
+    ///
+    /// # Errors
+    ///
+    /// A goal that the robot cannot reach without a crash: too near to a wall or an obstacle, or beyond.
+    pub fn set_goal(&mut self, plan: &RoomPlan, goal: Vec2) -> Result<(), EvalError> {
+        let least = plan.config.sim.episode.crash_range;
+        if !goal.is_finite() || self.world.clearance(goal) < least {
+            return refuse("goal", goal, format!("a point at least {least} m from walls and obstacles"));
+        }
+        self.goal = goal;
+        self.start = self.world.pose(ROBOT);
+        (self.steps, self.path_length) = (0, 0.0);
+        self.write_motion(plan, ROBOT);
+        Ok(())
+    }
+
+    /// Puts one more pedestrian into the room and the plan; it gets a heading, a goal and a speed factor of its own.
+    ///
+    /// # Errors
+    ///
+    /// A place that is taken or too near to the robot; no place for its goal.
+    pub fn add_pedestrian(&mut self, plan: &mut RoomPlan, position: Vec2) -> Result<(), EvalError> {
+        let body = self.motions.len();
+        let (config, shape) = (&plan.config, self.world.shape(ROBOT).clone());
+        let size = shape.circumradius();
+        self.check_place(plan, "pedestrian", position, size)?;
+        let streams = Streams::new(config.seed);
+        let indexed = |name: &str| streams.stream(name, &[self.episode, body as u64]);
+        let mut rng = indexed("eval.added");
+        let goal = plan.spawner.goal(&self.world, position, &mut rng)?;
+        // It sets out towards its goal.
+        let pose = Pose::new(position, (goal - position).to_angle());
+        self.world.add_body(&shape, pose)?;
+        self.speed_factor.push(config.crowds.draw_speed_factor(plan.crowd, &mut rng));
+        self.streams.push(indexed("eval.pedestrian"));
+        self.pedestrians.push(Pedestrian { position, velocity: Vec2::ZERO, heading: pose.heading, goal });
+        self.ranges.resize(self.ranges.len() + config.sim.laser.beams, 0.0);
+        self.summaries.push(ScanSummary { min_range: 0.0, nearest: Hit::None });
+        self.motions.push(Motion::Still);
+        self.stalled.push(false);
+        self.respawned.push(false);
+        if plan.crowd.is_learned() {
+            self.observers.push(Observer::new(&config.sim, indexed("eval.noise")));
+            self.observations.resize(self.observations.len() + config.sim.observation_len(), 0.0);
+            self.observe_first(plan, body);
+        }
+        plan.config.n_agents += 1;
+        Ok(())
+    }
+
+    /// Puts an obstacle into the room and the plan. Pedestrians whose goals it covers get new ones. A crowd that knows
+    /// obstacles has to be made anew from the plan.
+    ///
+    /// # Errors
+    ///
+    /// A place that is taken, too near to the robot or on its goal; a shape that the world refuses.
+    pub fn add_obstacle(&mut self, plan: &mut RoomPlan, shape: Shape, pose: Pose) -> Result<(), EvalError> {
+        shape.validate("obstacle")?;
+        let size = shape.circumradius();
+        self.check_place(plan, "obstacle", pose.position, size)?;
+        let reach = size + plan.config.sim.episode.crash_range;
+        if self.goal.distance(pose.position) < reach {
+            return refuse("obstacle", pose.position, format!("a point at least {reach:.2} m from the goal"));
+        }
+        self.world.add_obstacle(&shape, pose)?;
+        plan.scenario.obstacles.push((shape, pose));
+        let least = plan.config.sim.episode.crash_range;
+        for (pedestrian, rng) in self.pedestrians.iter_mut().zip(&mut self.streams) {
+            if self.world.clearance(pedestrian.goal) < least {
+                pedestrian.goal = plan.spawner.goal(&self.world, pedestrian.position, rng)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Refuses a place for a thing that reaches `size` around it where it would touch something or crash the robot.
+    fn check_place(
+        &self,
+        plan: &RoomPlan,
+        field: &'static str,
+        position: Vec2,
+        size: f32,
+    ) -> Result<(), EvalError> {
+        let from_robot = size + plan.config.sim.episode.crash_range + MARGIN;
+        let far = |body: usize| {
+            let least = if body == ROBOT { from_robot } else { size + self.world.shape(body).circumradius() };
+            self.world.pose(body).position.distance(position) >= least
+        };
+        if position.is_finite() && self.world.clearance(position) >= size && (0..self.motions.len()).all(far)
+        {
+            return Ok(());
+        }
+        refuse(field, position, format!("a free place, at least {from_robot:.2} m from the robot"))
+    }
+}
+
+fn refuse(field: &'static str, found: Vec2, expected: String) -> Result<(), EvalError> {
+    Err(EvalError::Setting { field, found: format!("({:.2}, {:.2})", found.x, found.y), expected })
+}
+
+#[cfg(test)]
+mod tests {
+    use jostle_peds::{CrowdKind, Motion as Walk};
+    use jostle_sim::Laser;
+
+    use super::*;
+    use crate::config::EvalConfig;
+    use crate::outcome::EpisodeOutcome;
+
+    fn room() -> (RoomPlan, EvalRoom) {
+        let config = EvalConfig { n_agents: 3, ..EvalConfig::default() };
+        let plan = RoomPlan::new(&config, CrowdKind::Nh).unwrap();
+        let laser = Laser::new(&config.sim.laser).unwrap();
+        let room = EvalRoom::new(&plan, &laser, 0).unwrap();
+        (plan, room)
+    }
+
+    /// A free point ahead of the robot, towards the middle of the room.
+    fn free_point(room: &EvalRoom) -> Vec2 {
+        let robot = room.robot().position;
+        let grid = (0..81).map(|k| Vec2::new((k % 9) as f32 - 4.0, (k / 9) as f32 - 4.0) * 2.0);
+        let mut points: Vec<Vec2> = grid
+            .filter(|point| {
+                point.distance(robot) > 2.0
+                    && point.distance(room.goal) > 2.0
+                    && room.pedestrians.iter().all(|p| p.position.distance(*point) > 2.0)
+            })
+            .collect();
+        points.sort_by(|a, b| a.distance(robot).total_cmp(&b.distance(robot)));
+        points[0]
+    }
+
+    #[test]
+    fn a_goal_is_seen_at_once_and_starts_the_time_anew() {
+        let (plan, mut room) = room();
+        let still = vec![Walk::STILL; 2];
+        for _ in 0..5 {
+            assert!(room.step(&plan, [0.0, 0.0], &still).unwrap().is_none());
+        }
+        let robot = room.robot();
+        let goal = robot.position * 0.5;
+        room.set_goal(&plan, goal).unwrap();
+        let row = room.robot_observation();
+        let seen = Pose::new(robot.position, robot.heading).point_in_frame(goal);
+        assert_eq!(row[row.len() - 4..row.len() - 2], seen.to_array());
+        assert_eq!((room.steps, room.robot().goal), (0, goal));
+        let message = room.set_goal(&plan, Vec2::new(50.0, 0.0)).unwrap_err().to_string();
+        assert_eq!(
+            message,
+            "goal: found (50.00, 0.00), expected a point at least 0.5 m from walls and obstacles"
+        );
+    }
+
+    #[test]
+    fn a_pedestrian_that_is_added_is_seen_observes_and_walks() {
+        let (mut plan, mut room) = room();
+        let place = free_point(&room);
+        room.add_pedestrian(&mut plan, place).unwrap();
+        assert_eq!((plan.config.n_agents, room.pedestrians().len()), (4, 3));
+        let row = plan.config.sim.observation_len();
+        assert_eq!(room.view(&[]).observations.len(), 3 * row);
+        assert!(room.view(&[]).observations[2 * row..].iter().any(|value| *value != 0.0));
+        let walks = [Walk::STILL, Walk::STILL, Walk::Drive { v: 1.0, w: 0.0 }];
+        room.step(&plan, [0.0, 0.0], &walks).unwrap();
+        assert!((room.pedestrians()[2].position.distance(place) - 0.1).abs() < 1e-5);
+        let near = room.robot().position + Vec2::new(0.2, 0.0);
+        assert!(room.add_pedestrian(&mut plan, near).is_err());
+        assert_eq!(plan.config.n_agents, 4);
+        // The next episode of the plan has it from its start.
+        let laser = Laser::new(&plan.config.sim.laser).unwrap();
+        assert_eq!(EvalRoom::new(&plan, &laser, 1).unwrap().pedestrians().len(), 3);
+    }
+
+    #[test]
+    fn an_obstacle_is_solid_and_covers_no_goal() {
+        let (mut plan, mut room) = room();
+        let (covered, disc) = (room.pedestrians[0].goal, Shape::Circle { radius: 0.4 });
+        let crowd_goal = room.add_obstacle(&mut plan, disc.clone(), Pose::new(covered, 0.0));
+        if crowd_goal.is_ok() {
+            assert!(room.pedestrians[0].goal.distance(covered) > 0.9);
+        }
+        let ahead = free_point(&room);
+        room.add_obstacle(&mut plan, disc.clone(), Pose::new(ahead, 0.0)).unwrap();
+        assert!(room.add_obstacle(&mut plan, disc.clone(), Pose::new(room.goal, 0.0)).is_err());
+        assert!(room.add_pedestrian(&mut plan, ahead).is_err());
+        assert_eq!(plan.scenario.build().unwrap().clearance(ahead), 0.0);
+        // The robot that drives towards it hits it.
+        room.goal = Vec2::splat(100.0);
+        let mut outcome = None;
+        for _ in 0..300 {
+            let seen = Pose::new(room.robot().position, room.robot().heading).point_in_frame(ahead);
+            let turn = seen.to_angle();
+            let action = [if turn.abs() < 0.1 { 1.0 } else { 0.0 }, turn.clamp(-1.0, 1.0)];
+            outcome = room.step(&plan, action, &[Walk::STILL; 2]).unwrap();
+            if outcome.is_some() {
+                break;
+            }
+        }
+        assert_eq!(outcome.unwrap().outcome, EpisodeOutcome::CollisionWall);
+    }
+}

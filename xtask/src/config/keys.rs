@@ -1,0 +1,126 @@
+//! The configuration's keys with their comments, read from the sources of its types.
+
+use std::collections::BTreeMap;
+
+/// The files that define the configuration's types.
+const SOURCES: [&str; 3] = [
+    include_str!("../../../crates/ppo/src/config.rs"),
+    include_str!("../../../crates/sim/src/config.rs"),
+    include_str!("../../../crates/diversity/src/config.rs"),
+];
+/// The type of the whole configuration.
+const ROOT: &str = "Config";
+
+/// A key with its comment.
+#[derive(Clone, Debug)]
+pub(super) struct Key {
+    /// Dotted, such as `sim.laser.beams`.
+    pub(super) path: String,
+    /// The comment.
+    pub(super) text: String,
+    /// The name of its type, without `Option`.
+    pub(super) kind: String,
+    /// Whether it may be left out without a default taking its place.
+    pub(super) optional: bool,
+    /// Whether it holds other keys.
+    pub(super) section: bool,
+}
+
+impl Key {
+    /// The unit that the comment names behind a comma, such as `m` or `rad/s`.
+    pub(super) fn unit(&self) -> Option<&'static str> {
+        const UNITS: [&str; 7] = ["m/s²", "rad/s²", "m/s", "rad/s", "rad", "m", "s"];
+        let named = |unit: &str| {
+            self.text.match_indices(&format!(", {unit}")).any(|(at, found)| {
+                self.text[at + found.len()..].chars().next().is_none_or(|next| ".;,:".contains(next))
+            })
+        };
+        UNITS.into_iter().find(|unit| named(unit))
+    }
+
+    /// Where the default comes from: what stands in brackets behind it.
+    pub(super) fn origin(&self) -> Option<&str> {
+        let (_, rest) = self.text.split_once("Default ")?;
+        let (value, rest) = rest.split_once(" (")?;
+        if value.contains(". ") {
+            return None;
+        }
+        rest.split_once(')').map(|(origin, _)| origin)
+    }
+}
+
+/// All keys in the order of the sources, each section before its own.
+pub(super) fn keys() -> Vec<Key> {
+    let mut keys = Vec::new();
+    list(&types(), ROOT, "", &mut keys);
+    keys
+}
+
+/// A field: its name, its type, its comment.
+type Field = (String, String, String);
+
+/// The structs of the sources by name.
+fn types() -> BTreeMap<String, Vec<Field>> {
+    let mut types = BTreeMap::new();
+    for source in SOURCES {
+        let mut lines = source.lines();
+        while let Some(line) = lines.next() {
+            let name = line.strip_prefix("pub struct ").and_then(|rest| rest.strip_suffix(" {"));
+            if let Some(name) = name {
+                types.insert(name.to_owned(), fields(&mut lines));
+            }
+        }
+    }
+    types
+}
+
+fn fields<'a>(lines: &mut impl Iterator<Item = &'a str>) -> Vec<Field> {
+    let mut fields = Vec::new();
+    let mut text: Vec<&str> = Vec::new();
+    for line in lines.by_ref().map(str::trim).take_while(|line| *line != "}") {
+        if let Some(doc) = line.strip_prefix("///") {
+            text.push(doc.trim());
+        } else if let Some((name, kind)) = line.strip_prefix("pub ").and_then(|rest| rest.split_once(": ")) {
+            fields.push((name.to_owned(), kind.trim_end_matches(',').to_owned(), text.join(" ")));
+            text.clear();
+        }
+    }
+    fields
+}
+
+fn list(types: &BTreeMap<String, Vec<Field>>, kind: &str, prefix: &str, keys: &mut Vec<Key>) {
+    for (name, kind, text) in types.get(kind).into_iter().flatten() {
+        let path = format!("{prefix}{name}");
+        let inner = kind.strip_prefix("Option<").and_then(|rest| rest.strip_suffix('>'));
+        let (optional, kind) = (inner.is_some(), inner.unwrap_or(kind).to_owned());
+        let section = types.contains_key(&kind);
+        keys.push(Key { path: path.clone(), text: text.clone(), kind: kind.clone(), optional, section });
+        if section {
+            list(types, &kind, &format!("{path}."), keys);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::keys;
+
+    #[test]
+    fn units_and_origins_are_read_from_the_comments() {
+        let keys = keys();
+        let find = |path: &str| keys.iter().find(|key| key.path == path).unwrap();
+        assert_eq!(find("sim.robot.w_max").unit(), Some("rad/s"));
+        assert_eq!(find("sim.laser.noise_std").unit(), Some("m"));
+        assert_eq!(find("gamma").unit(), None);
+        assert_eq!(find("gamma").origin(), Some("paper"));
+        assert_eq!(find("horizon").origin(), Some("lineage"));
+        assert_eq!(find("add_log_m").origin(), None);
+    }
+
+    #[test]
+    fn options_are_optional() {
+        let keys = keys();
+        let zone = keys.iter().find(|key| key.path == "sim.reward.safety_zone").unwrap();
+        assert!(zone.optional && zone.section);
+    }
+}

@@ -1,0 +1,108 @@
+//! `cargo xtask config`: every key of a configuration with its meaning, its range and where its default comes from.
+//!
+//! The explanations are the doc comments of the configuration's own types, and the ranges are what its own checks answer:
+//! there is no second text that could go stale. Reading order: this file (what is asked for), [`keys`] (the comments),
+//! [`range`] (the checks), [`schema`] (both as a JSON Schema).
+
+mod keys;
+mod range;
+mod schema;
+
+use std::process::ExitCode;
+
+use anyhow::{Result, bail};
+use clap::{Args, Subcommand};
+use jostle_ppo::Config;
+
+use self::keys::{Key, keys};
+use crate::compare::settings;
+use crate::output;
+
+/// Arguments of `config`.
+#[derive(Args)]
+#[command(
+    after_help = "Examples:\n  cargo xtask config explain alpha\n  cargo xtask config explain sim.laser\n  \
+    cargo xtask config explain\n  cargo xtask config schema > jostle.schema.json"
+)]
+pub(crate) struct ConfigArgs {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Subcommand)]
+enum Action {
+    /// Explain one key, or all keys of a section.
+    Explain {
+        /// Key or section, such as `alpha` or `sim.laser.noise_std`; all keys when left out.
+        key: Option<String>,
+    },
+    /// Print a JSON Schema of the configuration, for editors and other programs.
+    Schema,
+}
+
+/// Prints what is asked for.
+pub(crate) fn run(args: &ConfigArgs) -> Result<ExitCode> {
+    let text = match &args.action {
+        Action::Explain { key } => explain(key.as_deref().unwrap_or(""))?,
+        Action::Schema => serde_json::to_string_pretty(&schema::schema()?)? + "\n",
+    };
+    output::result(&text)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The explanation of a key, or of all keys of a section.
+fn explain(wanted: &str) -> Result<String> {
+    let keys = keys();
+    let defaults = settings(&Config::default())?;
+    let within =
+        |key: &&Key| wanted.is_empty() || key.path == wanted || key.path.starts_with(&format!("{wanted}."));
+    let chosen: Vec<&Key> = keys.iter().filter(within).collect();
+    if chosen.is_empty() {
+        bail!("{wanted}: no such key{}", nearest(wanted, &keys));
+    }
+    let line = |key: &&Key| {
+        if key.section {
+            return format!("[{}] {}\n", key.path, key.text);
+        }
+        let default = defaults.get(&key.path).map_or("(off)", String::as_str);
+        let accepted =
+            range::accepted(&keys, key).map_or_else(String::new, |text| format!("    Accepted: {text}.\n"));
+        format!("{} = {default}\n    {}\n{accepted}", key.path, key.text)
+    };
+    Ok(chosen.iter().map(line).collect())
+}
+
+/// A suggestion: the key that shares the last part, or the longest start.
+fn nearest(wanted: &str, keys: &[Key]) -> String {
+    let last = |key: &str| key.rsplit('.').next().unwrap_or(key).to_owned();
+    let shared = |key: &str| key.chars().zip(wanted.chars()).take_while(|(a, b)| a == b).count();
+    let same = keys.iter().find(|key| last(&key.path) == last(wanted));
+    let best = same.or_else(|| keys.iter().max_by_key(|key| shared(&key.path)));
+    best.map(|key| format!("; did you mean {}?", key.path)).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{explain, keys};
+    use crate::compare::settings;
+
+    #[test]
+    fn every_key_of_the_default_configuration_is_explained() {
+        let explained = keys();
+        for path in settings(&jostle_ppo::Config::default()).unwrap().keys() {
+            let key = explained.iter().find(|key| key.path == *path);
+            assert!(key.is_some_and(|key| !key.text.is_empty()), "{path} has no explanation");
+        }
+    }
+
+    #[test]
+    fn a_key_a_section_and_a_slip() {
+        let alpha = explain("alpha").unwrap();
+        assert!(
+            alpha.starts_with("alpha = 0.1\n    Weight") && alpha.contains("Accepted: a finite number ≥ 0.")
+        );
+        assert!(explain("sim.laser").unwrap().contains("sim.laser.beams = 512"));
+        let message = explain("laser.noise_std").unwrap_err().to_string();
+        assert!(message.contains("did you mean sim.laser.noise_std?"), "{message}");
+    }
+}

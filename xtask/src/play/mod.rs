@@ -1,0 +1,119 @@
+//! `cargo xtask play`: a page on this machine in which a policy drives among a crowd in real time.
+//!
+//! Reading order: this file (what can be chosen), [`session`] (a room; no clock, no socket), [`message`] (what page and
+//! server say), [`visit`] (a visitor and the clock), [`server`] and [`http`] (connections), [`page`]; `live.js` is the page,
+//! and `scene.js` of the replay draws it.
+//!
+//! Every visitor has a room of their own, so that a second window starts anew and disturbs nobody.
+
+pub(crate) mod http;
+mod message;
+mod page;
+pub(crate) mod server;
+mod session;
+mod visit;
+
+use std::io::IsTerminal as _;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+
+use anyhow::Result;
+use clap::Args;
+use jostle_eval::crowds::Pools;
+use jostle_peds::CrowdKind;
+
+use self::message::Setup;
+use self::server::{Server, listen};
+use self::session::{Session, Stock};
+use crate::replay::driver::Driver;
+use crate::{demo, output, policies};
+
+/// Arguments of `play`.
+#[derive(Args)]
+#[command(
+    after_help = "Examples:\n  cargo xtask play\n  cargo xtask play runs/ours runs/baseline --crowd VO --pedestrians 8\n  \
+    cargo xtask play runs/ours --pool runs/pool --crowd IN --port 8080\n\nCtrl-C ends it."
+)]
+pub(crate) struct PlayArgs {
+    /// Checkpoint files or run folders to choose from (default: the shipped ones). The hand-written `goal-seeker` is
+    /// always among them.
+    policy: Vec<PathBuf>,
+    /// Crowd at the start: SF, VO; with --pool also NH, IN, VA, SO.
+    #[arg(long, default_value = "SF")]
+    crowd: CrowdKind,
+    /// Pedestrians at the start.
+    #[arg(long, value_name = "N", default_value_t = 4)]
+    pedestrians: usize,
+    /// Behaviour token of the robot at the start.
+    #[arg(long, value_name = "Z", default_value_t = 0)]
+    token: u32,
+    /// Seed of starts, goals and noise: the same seed and the same actions of yours give the same episode.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Policies that drive learned pedestrians: files, run folders, or a folder of either; may be repeated.
+    #[arg(long, value_name = "PATH", num_args = 1..)]
+    pool: Vec<PathBuf>,
+    /// The same at half their training, for crowd SO.
+    #[arg(long, value_name = "PATH", num_args = 1..)]
+    pool_half: Vec<PathBuf>,
+    /// Port of the loopback interface (default: any that is free).
+    #[arg(long, default_value_t = 0)]
+    port: u16,
+    /// Do not open the page in a browser.
+    #[arg(long)]
+    no_open: bool,
+}
+
+/// Serves the page until the process is ended.
+pub(crate) fn run(args: &PlayArgs) -> Result<ExitCode> {
+    let stock = stock(args)?;
+    let (crowd, pedestrians) = (args.crowd, args.pedestrians);
+    let first = Setup { crowd, pedestrians, policy: 0, token: args.token, seed: args.seed };
+    // What cannot be played is said here, not to the first visitor.
+    Session::new(&stock, first.clone())?;
+    let (listener, address) = listen(args.port)?;
+    let url = format!("http://{address}/");
+    output::result(&format!("{url}\n"))?;
+    output::note("open this page in a browser; Ctrl-C ends it");
+    if !args.no_open && std::io::stdout().is_terminal() && !demo::open(url.as_ref()) {
+        output::note("no browser could be started; open the page yourself");
+    }
+    Arc::new(Server::new(stock, first)).serve(&listener, address);
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Serves the hand-written driver on a free port for as long as the process lives.
+///
+/// # Errors
+/// No free port.
+pub(crate) fn serve_in_background() -> Result<SocketAddr> {
+    let crowds = CrowdKind::ALL.into_iter().filter(|crowd| !crowd.is_learned()).collect();
+    let stock = Stock { drivers: vec![Driver::goal_seeker()], pools: Pools::default(), crowds };
+    let first = Setup { crowd: CrowdKind::Sf, pedestrians: 4, policy: 0, token: 0, seed: 0 };
+    let (listener, address) = listen(0)?;
+    std::thread::spawn(move || Arc::new(Server::new(stock, first)).serve(&listener, address));
+    Ok(address)
+}
+
+/// The policies and crowds to choose from.
+fn stock(args: &PlayArgs) -> Result<Stock> {
+    let shipped = || demo::shipped().into_iter().collect();
+    let paths = if args.policy.is_empty() { shipped() } else { args.policy.clone() };
+    let mut drivers = paths.iter().map(|path| Driver::open(path, 0)).collect::<Result<Vec<_>>>()?;
+    if drivers.iter().all(|driver| driver.policy.is_some()) {
+        drivers.push(Driver::goal_seeker());
+    }
+    let pools = if args.pool.is_empty() { Pools::default() } else { learned(args)? };
+    let has = |crowd: &CrowdKind| !crowd.is_learned() || !pools.of(*crowd, 1).is_empty();
+    let crowds = CrowdKind::ALL.into_iter().filter(has).collect();
+    Ok(Stock { drivers, pools, crowds })
+}
+
+/// The pools, with the half-trained policies where they can be had.
+fn learned(args: &PlayArgs) -> Result<Pools> {
+    let with_half = !args.pool_half.is_empty() || args.crowd == CrowdKind::So;
+    let crowds: &[CrowdKind] = if with_half { &CrowdKind::ALL } else { &[CrowdKind::Nh] };
+    policies::pools(&args.pool, &args.pool_half, crowds)
+}

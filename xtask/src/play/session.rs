@@ -1,0 +1,296 @@
+//! A room that a visitor plays with. No clock and no socket: a session is a function of its setup and of what it is
+//! asked, in order.
+
+use anyhow::{Context as _, Result, ensure};
+use glam::Vec2;
+use jostle_eval::config::EvalConfig;
+use jostle_eval::crowds::{Pools, make_crowd};
+use jostle_eval::replay::beam_stride;
+use jostle_eval::room::{EvalRoom, RoomPlan};
+use jostle_eval::site::polygons;
+use jostle_eval::{EpisodeOutcome, RobotPolicy};
+use jostle_peds::{Crowd, CrowdKind, Motion, Pedestrian};
+use jostle_sim::{Laser, Pose, Shape};
+
+use super::message::{Frame, PolicyChoice, Setup, Tell};
+use crate::replay::driver::Driver;
+use crate::replay::page::{Scene, base64};
+use crate::replay::{BEAMS, config_of};
+
+/// Pedestrians in a room at most: the page is to stay legible and the room alive.
+pub(crate) const PEDESTRIANS_MAX: usize = 40;
+/// Obstacles that may be added.
+const OBSTACLES_MAX: usize = 60;
+/// Radius of an added obstacle (m).
+const OBSTACLE: f32 = 0.5;
+
+/// What all sessions choose from.
+pub(crate) struct Stock {
+    pub(crate) drivers: Vec<Driver>,
+    pub(crate) pools: Pools,
+    /// The crowds that can be had with these pools.
+    pub(crate) crowds: Vec<CrowdKind>,
+}
+
+impl Stock {
+    /// The policies as they are offered.
+    pub(crate) fn policies(&self) -> Vec<PolicyChoice> {
+        let tokens = |driver: &Driver| driver.policy.as_ref().map_or(0, |p| p.file.network.n_behaviours);
+        let choice = |driver: &Driver| PolicyChoice {
+            name: driver.name.clone(),
+            note: driver.note.clone(),
+            tokens: tokens(driver),
+        };
+        self.drivers.iter().map(choice).collect()
+    }
+}
+
+/// A room with its people, and where it stands.
+pub(crate) struct Session<'a> {
+    stock: &'a Stock,
+    setup: Setup,
+    plan: RoomPlan,
+    scene: Scene,
+    laser: Laser,
+    crowd: Box<dyn Crowd>,
+    robot: Box<dyn RobotPolicy>,
+    room: EvalRoom,
+    episode: u64,
+    /// Steps since the episode began.
+    step: u64,
+    outcome: Option<EpisodeOutcome>,
+}
+
+impl<'a> Session<'a> {
+    /// The first episode of a setup.
+    ///
+    /// # Errors
+    /// A setup that is not among what the stock offers; what the room or the crowd refuses.
+    pub(crate) fn new(stock: &'a Stock, setup: Setup) -> Result<Self> {
+        Self::at(stock, setup, 0)
+    }
+
+    fn at(stock: &'a Stock, setup: Setup, episode: u64) -> Result<Self> {
+        let n_policies = stock.drivers.len();
+        let driver = stock
+            .drivers
+            .get(setup.policy)
+            .with_context(|| format!("policy: found {}, expected less than {n_policies}", setup.policy))?;
+        ensure!(
+            stock.crowds.contains(&setup.crowd),
+            "crowd {}: its pedestrians are driven by policies; start with --pool",
+            setup.crowd
+        );
+        ensure!(
+            setup.pedestrians <= PEDESTRIANS_MAX,
+            "pedestrians: found {}, expected at most {PEDESTRIANS_MAX}",
+            setup.pedestrians
+        );
+        let config = EvalConfig {
+            seed: setup.seed,
+            ..config_of(std::slice::from_ref(driver), Some(setup.pedestrians + 1))?
+        };
+        let plan = RoomPlan::new(&config, setup.crowd)?;
+        let laser = Laser::new(&config.sim.laser)?;
+        let robot = driver.robot_with(setup.token, &config)?;
+        Ok(Self {
+            scene: Scene::new(&config, &polygons(&plan.scenario))?,
+            crowd: crowd_of(stock, &plan)?,
+            room: EvalRoom::new(&plan, &laser, episode)?,
+            stock,
+            setup,
+            plan,
+            laser,
+            robot,
+            episode,
+            step: 0,
+            outcome: None,
+        })
+    }
+
+    /// One control period; a moment later the episode may have ended. A room whose episode has ended stands still.
+    ///
+    /// # Errors
+    /// What the crowd or the room refuses.
+    pub(crate) fn step(&mut self) -> Result<()> {
+        if self.outcome.is_some() {
+            return Ok(());
+        }
+        let mut action = [[0.0; 2]];
+        self.robot.act(self.room.robot_observation(), &mut action);
+        let robot = self.room.robot();
+        let others = if self.plan.visibility.robot { std::slice::from_ref(&robot) } else { &[] };
+        let mut walks = vec![Motion::STILL; self.plan.config.n_pedestrians()];
+        self.crowd.decide(&[self.room.view(others)], &mut walks)?;
+        let ended = self.room.step(&self.plan, action[0], &walks)?;
+        self.outcome = ended.map(|ended| ended.outcome);
+        self.step += 1;
+        Ok(())
+    }
+
+    /// Control period (s).
+    pub(crate) fn dt(&self) -> f32 {
+        self.plan.config.sim.episode.dt
+    }
+
+    /// Whether the episode has ended.
+    pub(crate) fn has_ended(&self) -> bool {
+        self.outcome.is_some()
+    }
+
+    /// The same episode from its start, without what was added.
+    pub(crate) fn reset(&mut self) -> Result<()> {
+        *self = Self::at(self.stock, self.setup.clone(), self.episode)?;
+        Ok(())
+    }
+
+    /// The next episode, in the room as it is now.
+    pub(crate) fn next(&mut self) -> Result<()> {
+        let room = EvalRoom::new(&self.plan, &self.laser, self.episode + 1)?;
+        (self.room, self.episode, self.step, self.outcome) = (room, self.episode + 1, 0, None);
+        Ok(())
+    }
+
+    /// Another goal for the robot.
+    pub(crate) fn goal(&mut self, goal: Vec2) -> Result<()> {
+        self.check_running()?;
+        Ok(self.room.set_goal(&self.plan, goal)?)
+    }
+
+    /// One more pedestrian.
+    pub(crate) fn pedestrian(&mut self, position: Vec2) -> Result<()> {
+        self.check_running()?;
+        let n_pedestrians = self.plan.config.n_pedestrians();
+        ensure!(n_pedestrians < PEDESTRIANS_MAX, "there are {n_pedestrians} pedestrians already");
+        self.room.add_pedestrian(&mut self.plan, position)?;
+        // A learned crowd that was smaller than its pool may use more of it now.
+        self.crowd = crowd_of(self.stock, &self.plan)?;
+        Ok(())
+    }
+
+    /// One more obstacle.
+    pub(crate) fn obstacle(&mut self, position: Vec2) -> Result<()> {
+        self.check_running()?;
+        ensure!(
+            self.plan.scenario.obstacles.len() < OBSTACLES_MAX,
+            "there are {OBSTACLES_MAX} obstacles already"
+        );
+        let disc = Shape::Circle { radius: OBSTACLE };
+        self.room.add_obstacle(&mut self.plan, disc, Pose::new(position, 0.0))?;
+        self.crowd = crowd_of(self.stock, &self.plan)?;
+        self.scene = Scene::new(&self.plan.config, &polygons(&self.plan.scenario))?;
+        Ok(())
+    }
+
+    fn check_running(&self) -> Result<()> {
+        ensure!(self.outcome.is_none(), "the episode has ended; start the next one");
+        Ok(())
+    }
+
+    /// The room, for the page.
+    pub(crate) fn describe(&self) -> Tell<'_> {
+        Tell::Room {
+            scene: &self.scene,
+            setup: &self.setup,
+            episode: self.episode,
+            policy: &self.stock.drivers[self.setup.policy].name,
+            learned: self.setup.crowd.is_learned(),
+        }
+    }
+
+    /// The moment, for the page.
+    pub(crate) fn frame(&self) -> Frame {
+        let laser = &self.plan.config.sim.laser;
+        let ranges = self.room.robot_ranges();
+        let stride = beam_stride(laser.beams, BEAMS);
+        let byte = |range: &f32| (range / laser.range * 255.0).round().clamp(0.0, 255.0) as u8;
+        let pose = |body: &Pedestrian| [body.position.x, body.position.y, body.heading];
+        let pedestrians = self.room.pedestrians();
+        Frame {
+            episode: self.episode,
+            step: self.step,
+            robot: pose(&self.room.robot()),
+            command: self.room.robot_velocity(),
+            goal: self.room.robot().goal.to_array(),
+            near: ranges.iter().copied().fold(f32::INFINITY, f32::min),
+            ranges: base64(&ranges.iter().step_by(stride).map(byte).collect::<Vec<u8>>()),
+            pedestrians: pedestrians.iter().map(pose).collect(),
+            goals: pedestrians.iter().map(|pedestrian| pedestrian.goal.to_array()).collect(),
+            outcome: self.outcome,
+        }
+    }
+}
+
+fn crowd_of(stock: &Stock, plan: &RoomPlan) -> Result<Box<dyn Crowd>> {
+    Ok(make_crowd(&plan.config, plan.crowd, &stock.pools, &polygons(&plan.scenario))?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn stock() -> Stock {
+        Stock {
+            drivers: vec![Driver::goal_seeker()],
+            pools: Pools::default(),
+            crowds: vec![CrowdKind::Vo, CrowdKind::Sf],
+        }
+    }
+
+    fn setup(seed: u64) -> Setup {
+        Setup { crowd: CrowdKind::Sf, pedestrians: 4, policy: 0, token: 0, seed }
+    }
+
+    /// Steps with a goal, a pedestrian and an obstacle between them.
+    fn played(stock: &Stock, seed: u64) -> Vec<Frame> {
+        let mut session = Session::new(stock, setup(seed)).unwrap();
+        let mut frames = vec![session.frame()];
+        for step in 0..30 {
+            match step {
+                5 => session.goal(Vec2::new(1.0, 2.0)).unwrap(),
+                8 => drop(session.pedestrian(Vec2::new(-3.0, 4.0))),
+                9 => drop(session.obstacle(Vec2::new(4.0, -4.0))),
+                _ => {}
+            }
+            session.step().unwrap();
+            frames.push(session.frame());
+        }
+        frames
+    }
+
+    #[test]
+    fn the_same_seed_and_asks_give_the_same_frames() {
+        let stock = stock();
+        let frames = played(&stock, 3);
+        assert_eq!(frames, played(&stock, 3));
+        assert_ne!(frames, played(&stock, 4));
+        assert_eq!(frames[6].goal, [1.0, 2.0]);
+        assert_eq!((frames[0].pedestrians.len(), frames[9].pedestrians.len()), (4, 5));
+    }
+
+    #[test]
+    fn a_reset_takes_away_what_was_added_and_the_next_episode_keeps_it() {
+        let stock = stock();
+        let mut session = Session::new(&stock, setup(3)).unwrap();
+        let first = session.frame();
+        session.obstacle(Vec2::new(4.0, -4.0)).unwrap();
+        session.step().unwrap();
+        session.next().unwrap();
+        assert_eq!((session.frame().episode, session.frame().step), (1, 0));
+        assert_eq!(session.plan.scenario.obstacles.len(), 1);
+        session.reset().unwrap();
+        assert_eq!(session.plan.scenario.obstacles.len(), 0);
+        session.episode = 0;
+        session.reset().unwrap();
+        assert_eq!(session.frame(), first);
+    }
+
+    #[test]
+    fn what_is_not_offered_is_refused() {
+        let stock = stock();
+        let refused = |setup: Setup| Session::new(&stock, setup).err().unwrap().to_string();
+        assert!(refused(Setup { crowd: CrowdKind::Nh, ..setup(0) }).contains("--pool"));
+        assert!(refused(Setup { policy: 1, ..setup(0) }).contains("expected less than 1"));
+        assert!(refused(Setup { pedestrians: 41, ..setup(0) }).contains("at most 40"));
+    }
+}
