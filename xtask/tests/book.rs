@@ -1,7 +1,7 @@
 //! The documentation keeps its word: pages exist, links lead somewhere, and what a block of code claims is true.
 //!
 //! Commands in it are parsed by `xtask`'s own test of the command line, Rust in it is compiled by the doctests of
-//! `jostle-eval`, and `cargo xtask ci --book` builds it with mdBook.
+//! `jostle-bench`, and `cargo xtask ci --book` builds it with mdBook.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -62,7 +62,7 @@ fn every_block_says_its_language_and_toml_is_what_it_claims() {
 
 #[test]
 fn rust_in_the_book_is_compiled() {
-    let included = text(&workspace().join("crates/eval/src/lib.rs"));
+    let included = text(&workspace().join("crates/bench/src/documents.rs"));
     let docs = workspace().join("docs");
     for page in pages().into_iter().filter(|page| page.starts_with(&docs)) {
         for block in blocks(&page).iter().filter(|block| block.language.starts_with("rust")) {
