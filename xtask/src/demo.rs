@@ -3,6 +3,7 @@
 use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
+use std::time::Instant;
 
 use anyhow::Result;
 use clap::Args;
@@ -15,6 +16,8 @@ use crate::provenance::workspace;
 use crate::replay::driver::Driver;
 use crate::replay::{Wanted, Wish, config_of, record, write};
 
+/// Folders of shipped policies.
+const SHIPPED: [&str; 2] = ["checkpoints", "policies"];
 /// Episodes in each crowd.
 const EPISODES: usize = 10;
 
@@ -24,7 +27,7 @@ const EPISODES: usize = 10;
     after_help = "Examples:\n  cargo xtask demo\n  cargo xtask demo --policy runs/ours --out /tmp/demo --no-open"
 )]
 pub(crate) struct DemoArgs {
-    /// Checkpoint file or run folder (default: the policy that is shipped in `policies/`, else a hand-written one).
+    /// Checkpoint file or run folder (default: the first of those shipped in `checkpoints/`, else a hand-written one).
     #[arg(long, value_name = "POLICY")]
     policy: Option<PathBuf>,
     /// Folder for the page.
@@ -37,8 +40,9 @@ pub(crate) struct DemoArgs {
 
 /// Runs a policy among the two crowds that need no training, and names the page that shows it.
 pub(crate) fn run(args: &DemoArgs) -> Result<ExitCode> {
+    let started = Instant::now();
     let mut drivers = Vec::new();
-    match args.policy.clone().or_else(shipped) {
+    match args.policy.clone().or_else(|| shipped().into_iter().next()) {
         Some(path) => drivers.push(Driver::open(&path, 0)?),
         None => output::note(
             "no trained policy is shipped with this checkout: the robot is driven by a hand-written goal-seeker; \
@@ -51,17 +55,21 @@ pub(crate) fn run(args: &DemoArgs) -> Result<ExitCode> {
     let page = record(&protocol, &drivers, &[CrowdKind::Sf, CrowdKind::Vo], wish)?;
     let path = write(&page, &args.out)?;
     output::result(&format!("{}\n{}\n", page.summary(), path.display()))?;
+    output::note(&format!("made in {:.1} s", started.elapsed().as_secs_f64()));
     if !args.no_open && std::io::stdout().is_terminal() && !open(&path) {
         output::note("no browser could be started; open the page yourself");
     }
     Ok(ExitCode::SUCCESS)
 }
 
-/// The first policy of the folder `policies`, by name.
-pub(crate) fn shipped() -> Option<PathBuf> {
-    let entries = std::fs::read_dir(workspace().join("policies")).ok()?;
-    let paths = entries.filter_map(|entry| Some(entry.ok()?.path()));
-    paths.filter(|path| path.extension().is_some_and(|extension| extension == "safetensors")).min()
+/// The policies that the checkout ships, by name.
+pub(crate) fn shipped() -> Vec<PathBuf> {
+    let folders = SHIPPED.iter().filter_map(|name| std::fs::read_dir(workspace().join(name)).ok());
+    let entries = folders.flatten().filter_map(|entry| Some(entry.ok()?.path()));
+    let mut paths: Vec<PathBuf> =
+        entries.filter(|path| path.extension().is_some_and(|extension| extension == "safetensors")).collect();
+    paths.sort();
+    paths
 }
 
 /// Hands a page, a file or an address, to the desktop's browser; whether a program for that was found.

@@ -99,8 +99,7 @@ pub(crate) fn serve_in_background() -> Result<SocketAddr> {
 
 /// The policies and crowds to choose from.
 fn stock(args: &PlayArgs) -> Result<Stock> {
-    let shipped = || demo::shipped().into_iter().collect();
-    let paths = if args.policy.is_empty() { shipped() } else { args.policy.clone() };
+    let paths = if args.policy.is_empty() { demo::shipped() } else { args.policy.clone() };
     let mut drivers = paths.iter().map(|path| Driver::open(path, 0)).collect::<Result<Vec<_>>>()?;
     if drivers.iter().all(|driver| driver.policy.is_some()) {
         drivers.push(Driver::goal_seeker());
