@@ -115,7 +115,9 @@ fn checks(args: &CiArgs) -> Vec<Check<'static>> {
         checks.push(("book", Box::new(|| Ok(told(&build_book())))));
     }
     if args.python {
-        checks.extend(python::STEPS.iter().map(|(name, work)| (*name, Box::new(work) as Box<dyn Fn() -> Result<bool>>)));
+        checks.extend(
+            python::STEPS.iter().map(|(name, work)| (*name, Box::new(work) as Box<dyn Fn() -> Result<bool>>)),
+        );
     }
     if checks.is_empty() {
         checks.extend(
