@@ -23,6 +23,7 @@ use crate::{browser, output, python};
     cargo xtask ci --web --book\n\n\
     Without --web, --book and --python: format, lints, documentation, tests, doctests. With them: these checks alone."
 )]
+#[expect(clippy::struct_excessive_bools, reason = "each is a flag of the command line")]
 pub(crate) struct CiArgs {
     /// Go on after a failed step and name all of them at the end.
     #[arg(long)]
