@@ -346,4 +346,16 @@ mod tests {
             assert_eq!((body.position, body.radius), (positions[body.agent as usize], 0.25));
         }
     }
+    #[test]
+    fn the_range_is_open_and_of_equally_near_ones_the_first_are_kept() {
+        let tree = tree(&[Vec2::ZERO, 2.0 * Vec2::X, -2.0 * Vec2::X, 2.0 * Vec2::Y]);
+        let mut search = Search::default();
+        let mut found = |most, range_sq| {
+            tree.neighbours(0, most, range_sq, &mut search);
+            search.found.iter().map(|found| found.slot).collect::<Vec<_>>()
+        };
+        assert!(found(9, 4.0).is_empty());
+        assert_eq!(found(9, 4.1), [1, 2, 3]);
+        assert_eq!(found(2, 4.1), [1, 2]);
+    }
 }

@@ -201,4 +201,9 @@ mod tests {
         let got = solve(&[x_at_most(0.2), at_least], 1, 1.0, Vec2::new(0.0, 0.1), &mut Vec::new());
         assert!((got.x - 0.2).abs() < 1e-6, "{got}");
     }
+    #[test]
+    fn almost_the_same_line_twice_contradicts_nothing() {
+        let turned = Line { point: Vec2::new(0.2, 0.0), direction: Vec2::new(-1e-6, 1.0) };
+        check(&[x_at_most(0.2), turned], 0, Vec2::new(0.6, 0.5), Vec2::new(0.2, 0.5));
+    }
 }
