@@ -1,7 +1,7 @@
 //! `cargo xtask config`: every key of a configuration with its meaning, its range and where its default comes from.
 //!
 //! The explanations are the doc comments of the configuration's own types, and the ranges are what its own checks answer:
-//! there is no second text that could go stale. Reading order: this file (what is asked for), [`keys`] (the comments),
+//! there is no second text that could go stale. Reading order: this file (what is asked for), [`mod@keys`] (the comments),
 //! [`range`] (the checks), [`schema`] (both as a JSON Schema).
 
 mod keys;
