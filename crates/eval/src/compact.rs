@@ -166,22 +166,12 @@ fn parse_line(line: &str) -> Option<(EpisodeOutcome, u64, f64, f64)> {
 
 #[cfg(test)]
 mod tests {
-    use jostle_peds::CrowdKind;
-
     use super::*;
     use crate::identity::short;
+    use crate::records::tests::key;
 
     fn cell() -> CompactCell {
-        let key = CellKey {
-            protocol_version: 1,
-            policy: "p".into(),
-            token: 0,
-            crowd: CrowdKind::Sf,
-            pool: vec![],
-            n_agents: 5,
-            seed: 0,
-            settings: String::new(),
-        };
+        let key = key("p");
         let scale = MetricScale { dt: 0.1, goal_radius: 0.5, v_max: 1.0 };
         let identity = PolicyIdentity::custom("test", "1");
         let record = |episode: u64| {

@@ -1,7 +1,5 @@
 //! Which policy it was: enough to trace a record or a table's cell to config, seed and commit.
 
-use std::fmt::Write as _;
-
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
@@ -69,10 +67,7 @@ pub struct ProvenanceRef {
 
 /// SHA-256 in lower-case hexadecimal.
 pub fn hex_sha256(bytes: &[u8]) -> String {
-    Sha256::digest(bytes).iter().fold(String::new(), |mut text, byte| {
-        write!(text, "{byte:02x}").expect("a string takes everything");
-        text
-    })
+    jostle_policy::hex(&Sha256::digest(bytes))
 }
 
 /// The first 16 characters of a hash, or all of a shorter one.

@@ -221,12 +221,12 @@ impl RecordWriter {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::identity::PolicyIdentity;
     use crate::metrics::MetricScale;
 
-    fn key(policy: &str) -> CellKey {
+    pub(crate) fn key(policy: &str) -> CellKey {
         CellKey {
             protocol_version: 1,
             policy: policy.into(),

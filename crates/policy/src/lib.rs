@@ -28,6 +28,7 @@ pub mod tensor_write;
 
 pub use backend::{actor, critic};
 pub use batch::Batch;
+pub use checksum::hex;
 pub use config::NetworkConfig;
 pub use error::PolicyError;
 pub use file::{PolicyFile, Precision};

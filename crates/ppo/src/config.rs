@@ -189,7 +189,7 @@ impl Config {
 
     /// SHA-256 of [`Self::canonical_toml`] in hexadecimal: two runs of the same hash have the same curve.
     pub fn hash(&self) -> String {
-        crate::hex(&Sha256::digest(self.canonical_toml().as_bytes()))
+        jostle_policy::hex(&Sha256::digest(self.canonical_toml().as_bytes()))
     }
 }
 

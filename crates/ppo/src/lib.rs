@@ -25,14 +25,3 @@ pub use algorithm1::Trainer;
 pub use config::{Config, NetworkSection};
 pub use error::PpoError;
 pub use report::{Clock, UpdateReport};
-
-/// Lower-case hexadecimal.
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().flat_map(|byte| [byte >> 4, byte & 15]).map(|digit| char::from_digit(digit.into(), 16)).fold(
-        String::new(),
-        |mut text, digit| {
-            text.extend(digit);
-            text
-        },
-    )
-}
