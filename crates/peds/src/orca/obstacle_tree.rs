@@ -183,13 +183,7 @@ fn cut(vertices: &mut Vec<Vertex>, a: Vec2, b: Vec2, edge: u32) -> u32 {
     let (c, d) = ends(vertices, edge);
     let t = det(b - a, c - a) / det(b - a, c - d);
     let new = vertices.len() as u32;
-    vertices.push(Vertex {
-        point: c + t * (d - c),
-        next: first.next,
-        previous: edge,
-        is_convex: true,
-        ..first
-    });
+    vertices.push(Vertex { point: c + t * (d - c), previous: edge, is_convex: true, ..first });
     vertices[edge as usize].next = new;
     vertices[first.next as usize].previous = new;
     new
