@@ -7,6 +7,7 @@ use std::process::ExitCode;
 use anyhow::{Context as _, Result};
 use clap::Args;
 use jostle_eval::statistics::wilson;
+use jostle_ppo::report::EpisodeCounts;
 use jostle_ppo::{Config, UpdateReport};
 
 use crate::output;
@@ -79,7 +80,7 @@ pub(crate) fn run(args: &CompareArgs) -> Result<ExitCode> {
 
 /// The rate with its 95 % interval.
 fn success(run: &RunLog, end: usize, window: usize) -> String {
-    let (success, ended) = run.episodes(end, window);
+    let EpisodeCounts { success, ended, .. } = run.episodes(end, window);
     match wilson(success, ended) {
         Some(interval) => format!(
             "{:.3} [{:.3}, {:.3}] of {ended}",

@@ -7,6 +7,7 @@ use anyhow::{Result, bail};
 use clap::Args;
 use jostle_eval::report::grid::Grid;
 use jostle_eval::statistics::wilson;
+use jostle_ppo::report::EpisodeCounts;
 use jostle_ppo::{Config, UpdateReport};
 
 use crate::compare::settings;
@@ -101,8 +102,8 @@ fn measures_grid(runs: &[RunLog], at: &[usize], window: usize) -> Grid {
     let mut grid = Grid::new(["run", "update", "success", "timeout"].into_iter().chain(names));
     for run in runs {
         for &end in at.iter().filter(|&&end| end <= run.reports.len()) {
-            let mut row = vec![run.name.clone(), end.to_string(), success(run, end, window)];
-            row.push(timeouts(run, end, window));
+            let counts = run.episodes(end, window);
+            let mut row = vec![run.name.clone(), end.to_string(), success(&counts), timeouts(&counts)];
             for (_, digits, measure) in MEASURES {
                 let mean = run.mean(end, window, |report| Some(measure(report)));
                 row.push(mean.map_or_else(|| "–".to_owned(), |mean| format!("{mean:.digits$}")));
@@ -113,24 +114,20 @@ fn measures_grid(runs: &[RunLog], at: &[usize], window: usize) -> Grid {
     grid
 }
 
-fn success(run: &RunLog, end: usize, window: usize) -> String {
-    let (success, ended) = run.episodes(end, window);
-    wilson(success, ended).map_or_else(
+fn success(counts: &EpisodeCounts) -> String {
+    wilson(counts.success, counts.ended).map_or_else(
         || "–".to_owned(),
         |interval| {
-            let rate = success as f64 / ended as f64;
+            let rate = counts.success as f64 / counts.ended as f64;
             format!("{rate:.3} [{:.3}, {:.3}]", interval.low, interval.high)
         },
     )
 }
 
 /// Share of the ended episodes that the time limit cut.
-fn timeouts(run: &RunLog, end: usize, window: usize) -> String {
-    let (_, ended) = run.episodes(end, window);
-    let per_update = run.mean(end, window, |report| Some(report.episodes.timeout as f64));
-    let counted = end.min(run.reports.len()).min(window) as f64;
-    match per_update {
-        Some(mean) if ended > 0 => format!("{:.2}", mean * counted / ended as f64),
-        _ => "–".to_owned(),
+fn timeouts(counts: &EpisodeCounts) -> String {
+    if counts.ended == 0 {
+        return "–".to_owned();
     }
+    format!("{:.2}", counts.timeout as f64 / counts.ended as f64)
 }

@@ -10,6 +10,7 @@ use anyhow::{Context as _, Result, bail};
 
 use crate::output;
 use crate::provenance::workspace;
+use crate::tools::target_folder;
 
 /// Least version of Python, as in `pyproject.toml`.
 const LEAST: (u32, u32) = (3, 11);
@@ -64,9 +65,7 @@ fn run(command: &mut Command) -> Result<bool> {
 }
 
 fn environment() -> PathBuf {
-    let target =
-        std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| workspace().join("target"), PathBuf::from);
-    target.join("python")
+    target_folder().join("python")
 }
 
 fn in_environment(program: &str) -> PathBuf {

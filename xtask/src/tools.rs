@@ -61,7 +61,8 @@ pub(crate) fn on_path(names: &[&str]) -> Option<PathBuf> {
     candidates.into_iter().find(|path| path.is_file())
 }
 
-fn target_folder() -> PathBuf {
+/// Where cargo builds, and where commands put what they install.
+pub(crate) fn target_folder() -> PathBuf {
     std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| workspace().join("target"), PathBuf::from)
 }
 

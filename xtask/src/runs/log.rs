@@ -4,6 +4,7 @@ use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
+use jostle_ppo::report::EpisodeCounts;
 use jostle_ppo::{Config, UpdateReport};
 
 use crate::run_folder::{is_run_folder, read_optional};
@@ -89,15 +90,19 @@ impl RunLog {
 
     /// Share of training episodes that reached their goal in the `window` updates up to `end`; `None` without episodes.
     pub(crate) fn success(&self, end: usize, window: usize) -> Option<f64> {
-        let (success, ended) = self.episodes(end, window);
-        (ended > 0).then(|| success as f64 / ended as f64)
+        let counts = self.episodes(end, window);
+        (counts.ended > 0).then(|| counts.success as f64 / counts.ended as f64)
     }
 
-    /// Successes and all ends among the training episodes of the `window` updates up to `end`.
-    pub(crate) fn episodes(&self, end: usize, window: usize) -> (u64, u64) {
-        self.window(end, window)
-            .iter()
-            .fold((0, 0), |(success, ended), r| (success + r.episodes.success, ended + r.episodes.ended))
+    /// How the training episodes of the `window` updates up to `end` ended.
+    pub(crate) fn episodes(&self, end: usize, window: usize) -> EpisodeCounts {
+        self.window(end, window).iter().fold(EpisodeCounts::default(), |sum, r| EpisodeCounts {
+            ended: sum.ended + r.episodes.ended,
+            success: sum.success + r.episodes.success,
+            collision_wall: sum.collision_wall + r.episodes.collision_wall,
+            collision_agent: sum.collision_agent + r.episodes.collision_agent,
+            timeout: sum.timeout + r.episodes.timeout,
+        })
     }
 
     /// Mean of a measure over the `window` updates up to `end` that have it.
