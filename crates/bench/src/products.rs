@@ -1,6 +1,9 @@
 //! The three products of fc1 (4096 → 256), two thirds of a trunk's arithmetic, at the batch of work U, on one thread.
+//!
+//! The layer stands between two ReLUs, so half of its inputs and of its output gradients are zero here, as in a fresh
+//! network. Operations are counted as if they were not.
 
-use jostle_policy::kernels::{AlignedVec, BLOCK, Chunks, Finish, Forward, Grid, HALF, Isa, Linear, PANEL};
+use jostle_policy::kernels::{AlignedVec, Chunks, Forward, Isa, Linear, Nonzeros};
 use rand::Rng;
 
 use crate::clock::Stopwatch;
@@ -23,6 +26,8 @@ pub struct Fc1 {
     dy: AlignedVec,
     dx: AlignedVec,
     gradient: AlignedVec,
+    nonzeros: Nonzeros,
+    columns: Vec<Nonzeros>,
 }
 
 impl Fc1 {
@@ -31,20 +36,23 @@ impl Fc1 {
         let (layer, isa) = (Linear::new(4096, 256), Isa::detect());
         let chunks = Chunks::new(TRANSITIONS);
         let mut rng = stream("fc1");
-        let mut fill = |len: usize| {
+        let mut fill = |len: usize, least: f32| {
             let mut values = AlignedVec::zeros(len);
-            values.iter_mut().for_each(|value| *value = rng.next_u32() as f32 / u32::MAX as f32 - 0.5);
+            let mut draw = || rng.next_u32() as f32 / u32::MAX as f32 - 0.5;
+            values.iter_mut().for_each(|value| *value = draw().max(least));
             values
         };
-        let weights = fill(layer.weights());
+        let weights = fill(layer.weights(), -0.5);
         let mut transposed = AlignedVec::zeros(layer.transposed_len());
         layer.transpose(isa, &weights, &mut transposed);
         Self {
-            x: fill(chunks.len(layer.inputs())),
-            dy: fill(chunks.len(layer.outputs())),
+            x: fill(chunks.len(layer.inputs()), 0.0),
+            dy: fill(chunks.len(layer.outputs()), 0.0),
             y: AlignedVec::zeros(chunks.len(layer.outputs())),
             dx: AlignedVec::zeros(chunks.size * (layer.inputs() + ROW_GAP)),
             gradient: AlignedVec::zeros(layer.weights()),
+            nonzeros: Nonzeros::default(),
+            columns: Vec::new(),
             bias: vec![0.1; layer.outputs()],
             layer,
             isa,
@@ -66,7 +74,8 @@ impl Fc1 {
             (self.chunks.chunk_len(self.layer.inputs()), self.chunks.chunk_len(self.layer.outputs()));
         for (chunk, (x, y)) in self.x.chunks(x_len).zip(self.y.chunks_mut(y_len)).enumerate() {
             let operands = Forward::new(&self.chunks, chunk, x, y, true);
-            self.layer.forward(self.isa, &self.weights, &self.bias, operands);
+            let nonzeros = &mut self.nonzeros;
+            self.layer.forward_behind_relu(self.isa, &self.weights, &self.bias, operands, nonzeros);
         }
         watch.seconds()
     }
@@ -74,26 +83,23 @@ impl Fc1 {
     /// Seconds of dx = dy·Wᵀ, masked by the ReLU before.
     pub fn input_gradient(&mut self) -> f64 {
         let watch = Stopwatch::start(1);
-        let stride = self.chunks.block_stride();
+        let row = self.layer.inputs() + ROW_GAP;
         let (x_len, y_len) =
             (self.chunks.chunk_len(self.layer.inputs()), self.chunks.chunk_len(self.layer.outputs()));
         for (chunk, (x, dy)) in self.x.chunks(x_len).zip(self.dy.chunks(y_len)).enumerate() {
-            let rows = self.chunks.rows(chunk);
-            for panel in 0..self.layer.transposed_panels() {
-                let mask = Finish::Mask(Grid { data: &x[panel * 2 * stride..], row: BLOCK, half: stride });
-                let row = self.layer.inputs() + ROW_GAP;
-                let dx = Grid { data: &mut self.dx[panel * PANEL..], row, half: HALF };
-                self.layer.input_gradient(
-                    self.isa,
-                    &self.transposed,
-                    panel,
-                    &self.chunks,
-                    rows,
-                    dy,
-                    mask,
-                    dx,
-                );
-            }
+            let (rows, dx, nonzeros) = (self.chunks.rows(chunk), &mut self.dx[..], &mut self.nonzeros);
+            let (layer, transposed) = (&self.layer, &self.transposed);
+            layer.input_gradient_between_relus(
+                self.isa,
+                transposed,
+                &self.chunks,
+                rows,
+                dy,
+                x,
+                dx,
+                row,
+                nonzeros,
+            );
         }
         watch.seconds()
     }
@@ -101,7 +107,8 @@ impl Fc1 {
     /// Seconds of dW = xᵀ·dy. To be called on a pool of one thread, which the clock then reads.
     pub fn weight_gradient(&mut self) -> f64 {
         let watch = Stopwatch::start(1);
-        self.layer.weight_gradient(self.isa, &self.chunks, &self.x, &self.dy, &mut self.gradient);
+        let (gradient, columns) = (&mut self.gradient[..], &mut self.columns);
+        self.layer.weight_gradient_behind_relu(self.isa, &self.chunks, &self.x, &self.dy, gradient, columns);
         watch.seconds()
     }
 }

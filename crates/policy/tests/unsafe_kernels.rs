@@ -5,8 +5,8 @@
 //! tiles; values are checked against sums in double precision.
 
 use jostle_policy::kernels::{
-    AdamStep, AlignedVec, Count, Finish, Grid, HALF, Isa, Linear, PANEL, Start, Steps, Strips, adam_step,
-    outer_products, rows_times_panel,
+    AdamStep, AlignedVec, Chunks, Count, Finish, Forward, Grid, HALF, Isa, Linear, Nonzeros, PANEL, Start,
+    Steps, Strips, adam_step, outer_products, rows_times_panel,
 };
 
 /// A fixed, irregular sequence in −1 … 1, in memory of exactly this length.
@@ -111,6 +111,65 @@ fn outer_products_read_and_write_their_operands_alone() {
                     }
                     assert_near(*found, sum);
                 }
+            }
+        }
+    }
+}
+
+/// One span of inputs and one of outputs, of which half are zero: all operands of the products that leave out zeros end with
+/// the last value needed.
+#[test]
+fn products_that_leave_out_zeros_read_and_write_their_operands_alone() {
+    let behind_relu = |len, seed| -> Box<[f32]> { values(len, seed).iter().map(|x| x.max(0.0)).collect() };
+    let layer = Linear::new(64, 64);
+    for isa in Isa::available() {
+        for batch in if cfg!(miri) { [17, 18] } else { [17, 90] } {
+            let chunks = Chunks::new(batch);
+            let (weights, bias) = (values(layer.weights(), 1), values(64, 2));
+            let x = behind_relu(chunks.len(64), 3);
+            let dy = behind_relu(chunks.len(64), 4);
+            let mut transposed = values(layer.transposed_len(), 5);
+            layer.transpose(isa, &weights, &mut transposed);
+            let (mut nonzeros, mut columns) = (Nonzeros::default(), Vec::new());
+            let at = |row: usize, feature: usize| {
+                let row_in_chunk = row % chunks.size;
+                let block = feature / HALF * chunks.block_stride() + row_in_chunk * HALF + feature % HALF;
+                row / chunks.size * chunks.chunk_len(64) + block
+            };
+            let (mut y, mut dx) = (values(chunks.len(64), 6), values(batch * 64, 7));
+            for chunk in 0..chunks.count {
+                let len = chunks.chunk_len(64);
+                let part = chunk * len..(chunk + 1) * len;
+                let forward = Forward::new(&chunks, chunk, &x[part.clone()], &mut y[part.clone()], true);
+                layer.forward_behind_relu(isa, &weights, &bias, forward, &mut nonzeros);
+                let (dy, x, rows) = (&dy[part.clone()], &x[part], chunks.rows(chunk));
+                let dx = &mut dx[chunks.first(chunk) * 64..][..rows * 64];
+                layer.input_gradient_between_relus(
+                    isa,
+                    &transposed,
+                    &chunks,
+                    rows,
+                    dy,
+                    x,
+                    dx,
+                    64,
+                    &mut nonzeros,
+                );
+            }
+            let mut gradient = values(layer.weights(), 8);
+            layer.weight_gradient_behind_relu(isa, &chunks, &x, &dy, &mut gradient, &mut columns);
+            let weight = |input, output| f64::from(weights[layer.index(input, output)]);
+            let of = |data: &[f32], row, feature| f64::from(data[at(row, feature)]);
+            let sum = |term: &dyn Fn(usize) -> f64, n: usize| (0..n).map(term).sum::<f64>();
+            for (row, n) in (0..batch).flat_map(|row| (0..64).map(move |n| (row, n))) {
+                let forward = f64::from(bias[n]) + sum(&|i| of(&x, row, i) * weight(i, n), 64);
+                assert_near(y[at(row, n)], forward.max(0.0));
+                let back = sum(&|output| of(&dy, row, output) * weight(n, output), 64);
+                assert_near(dx[row * 64 + n], if of(&x, row, n) > 0.0 { back } else { 0.0 });
+            }
+            for (input, output) in (0..64).flat_map(|input| (0..64).map(move |output| (input, output))) {
+                let expected = sum(&|row| of(&x, row, input) * of(&dy, row, output), batch);
+                assert_near(gradient[layer.index(input, output)], expected);
             }
         }
     }

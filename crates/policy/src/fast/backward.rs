@@ -61,7 +61,8 @@ impl FastNetwork {
             &memory.d_hidden[..chunks.count * hidden],
             &memory.d_feature[..chunks.count * feature],
         );
-        self.fc1.weight_gradient(isa, chunks, x, d_feature, &mut gradient[at.fc1_weight..]);
+        let fc1 = &mut gradient[at.fc1_weight..];
+        self.fc1.weight_gradient_behind_relu(isa, chunks, x, d_feature, fc1, &mut memory.columns);
         chunks.sum_rows(d_feature, self.fc1.outputs(), &mut gradient[at.fc1_bias..][..self.fc1.outputs()]);
         self.fc2.weight_gradient(isa, chunks, concat, d_hidden, &mut gradient[at.fc2_weight..]);
         chunks.sum_rows(d_hidden, self.fc2.outputs(), &mut gradient[at.fc2_bias..][..self.fc2.outputs()]);
@@ -142,12 +143,10 @@ impl FastNetwork {
 
         let x_row = self.fc1.inputs() + ROW_GAP;
         scratch.d_x.reserve_len(chunks.size * x_row);
-        for panel in 0..self.fc1.transposed_panels() {
-            let mask = Grid { data: &x[panel * 2 * stride..], row: BLOCK, half: stride };
-            let d_x = Grid { data: &mut scratch.d_x[panel * PANEL..], row: x_row, half: HALF };
-            let transposed = &self.transposed.fc1;
-            self.fc1.input_gradient(isa, transposed, panel, chunks, rows, d_feature, Finish::Mask(mask), d_x);
-        }
+        let Scratch { d_x, nonzeros, .. } = &mut *scratch;
+        let transposed = &self.transposed.fc1;
+        self.fc1
+            .input_gradient_between_relus(isa, transposed, chunks, rows, d_feature, x, d_x, x_row, nonzeros);
 
         partial.fill(0.0);
         let (conv_gradient, embedding) = partial.split_at_mut(self.conv_len());

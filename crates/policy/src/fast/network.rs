@@ -9,7 +9,9 @@ use std::sync::{Arc, Mutex};
 use super::conv::{ConvParts, ConvScratch, Convolutions, TRANSPOSED2_LEN};
 use super::permutation::Permutation;
 use crate::config::{CONV1_KERNEL, CONV2_KERNEL};
-use crate::kernels::{AlignedVec, BLOCK, Chunks, Forward, Head, Isa, Linear, PANEL, for_each_piece};
+use crate::kernels::{
+    AlignedVec, BLOCK, Chunks, Forward, Head, Isa, Linear, Nonzeros, PANEL, for_each_piece,
+};
 use crate::observation::TAIL_LEN;
 use crate::{Batch, Layout, Network, NetworkConfig, Parameters, PolicyError};
 
@@ -107,6 +109,8 @@ pub(super) struct Memory {
     pub(super) d_feature: AlignedVec,
     /// Each chunk's gradient of the convolutions and of the embedding.
     pub(super) partial: AlignedVec,
+    /// What is not zero of the laser feature's gradient.
+    pub(super) columns: Vec<Nonzeros>,
 }
 
 /// Memory of one task.
@@ -117,6 +121,8 @@ pub(super) struct Scratch {
     pub(super) d_x: AlignedVec,
     /// Gradient of what stands behind the laser feature in fc2's input.
     pub(super) d_tail: AlignedVec,
+    /// What is not zero of a layer's operand.
+    pub(super) nonzeros: Nonzeros,
 }
 
 /// Scratch memory that tasks borrow; every task overwrites what it reads, so that it does not matter which it gets.
@@ -132,6 +138,7 @@ impl Pool {
             conv: conv.scratch(),
             d_x: AlignedVec::default(),
             d_tail: AlignedVec::default(),
+            nonzeros: Nonzeros::default(),
         });
         work(&mut scratch);
         lock().push(scratch);
@@ -257,7 +264,7 @@ impl FastNetwork {
         ];
         for_each_piece(chunks.count, slices, &|chunk, [scans, x, concat, hidden, y, outputs]| {
             let part = ForwardPart { chunk, scans, x, concat, hidden, y, outputs };
-            pool.with(model.conv, |scratch| model.forward(batch, &chunks, part, &mut scratch.conv));
+            pool.with(model.conv, |scratch| model.forward(batch, &chunks, part, scratch));
         });
         chunks
     }
@@ -289,7 +296,7 @@ struct Model<'a> {
 
 impl Model<'_> {
     /// One chunk, from observations to outputs.
-    fn forward(&self, batch: Batch<'_>, chunks: &Chunks, part: ForwardPart<'_>, scratch: &mut ConvScratch) {
+    fn forward(&self, batch: Batch<'_>, chunks: &Chunks, part: ForwardPart<'_>, scratch: &mut Scratch) {
         let ForwardPart { chunk, scans, x, concat, hidden, y, outputs } = part;
         let (rows, first) = (chunks.rows(chunk), chunks.first(chunk));
         let (isa, p) = (self.isa, self.parameters);
@@ -298,7 +305,14 @@ impl Model<'_> {
         for (row, scans) in scans.chunks_exact_mut(self.conv.scans_len()).take(rows).enumerate() {
             let observation = batch.observation(first + row, width);
             self.conv.pad(observation, scans);
-            self.conv.forward(isa, conv, scans, scratch, &mut x[row * BLOCK..], chunks.block_stride());
+            self.conv.forward(
+                isa,
+                conv,
+                scans,
+                &mut scratch.conv,
+                &mut x[row * BLOCK..],
+                chunks.block_stride(),
+            );
             let feature = self.fc1.outputs();
             chunks.write_row(concat, row, feature, &observation[width - TAIL_LEN..]);
             let token = batch.token(first + row) as usize;
@@ -306,11 +320,12 @@ impl Model<'_> {
             chunks.write_row(concat, row, feature + TAIL_LEN, embedding);
         }
         let at = self.at;
-        self.fc1.forward(
+        self.fc1.forward_behind_relu(
             isa,
             &p[at.fc1_weight..],
             &p[at.fc1_bias..],
             Forward::new(chunks, chunk, x, concat, true),
+            &mut scratch.nonzeros,
         );
         self.fc2.forward(
             isa,

@@ -16,7 +16,8 @@
 
 use super::blocked::{BLOCK, Chunks};
 use super::outer::{Count, Steps, outer_products};
-use super::rows::{Finish, Grid, PANEL, Start, Strips, rows_times_panel};
+use super::rows::{Finish, Grid, HALF, PANEL, Start, Strips, rows_times_panel};
+use super::sparse::{self, Nonzeros, Panels, QUARTERS, Rows, SPAN, rows_times_span, span_gradient};
 use super::{Isa, for_each_piece};
 
 /// Inputs of a group.
@@ -89,6 +90,52 @@ impl Linear {
                 Self::forward_panel(isa, rows, stride, x, weights, start, finish, y);
             }
         }
+    }
+
+    /// [`forward`](Self::forward) for inputs that come out of a ReLU: zeros are left out where that is faster. The bits are
+    /// the same.
+    pub fn forward_behind_relu(
+        &self,
+        isa: Isa,
+        weights: &[f32],
+        bias: &[f32],
+        chunk: Forward<'_>,
+        nonzeros: &mut Nonzeros,
+    ) {
+        if !self.divides_into_spans() || !sparse::is_worth_a_look(isa, chunk.rows) {
+            return self.forward(isa, weights, bias, chunk);
+        }
+        let Forward { chunks, rows, x, y, relu } = chunk;
+        let stride = chunks.block_stride();
+        let (n_spans, n_pairs) = (self.inputs / SPAN, self.outputs / SPAN);
+        let panel =
+            |span: usize, panel: usize| &weights[self.index(span * SPAN, panel * PANEL)..][..SPAN * PANEL];
+        for span in 0..n_spans {
+            let x = &x[span * QUARTERS * stride..];
+            nonzeros.of_rows(isa, rows, 1, x, stride);
+            let finish = if relu && span + 1 == n_spans { Finish::Relu } else { Finish::Store };
+            let start = |at: usize| if span == 0 { Start::Bias(&bias[at..]) } else { Start::Accumulate };
+            if nonzeros.are_few() {
+                for pair in 0..n_pairs {
+                    let panels = |span, pair| [panel(span, 2 * pair), panel(span, 2 * pair + 1)];
+                    let behind = (span * n_pairs + pair + 1).min(n_spans * n_pairs - 1);
+                    let next = panels(behind / n_pairs, behind % n_pairs);
+                    let out = Grid { data: &mut y[pair * QUARTERS * stride..], row: BLOCK, half: stride };
+                    let start = start(pair * SPAN);
+                    rows_times_span(isa, rows, nonzeros, 0, panels(span, pair), next, start, finish, out);
+                }
+            } else {
+                for p in 0..2 * n_pairs {
+                    let (start, y) = (start(p * PANEL), &mut y[p * 2 * stride..]);
+                    Self::forward_panel(isa, rows, stride, x, panel(span, p), start, finish, y);
+                }
+            }
+        }
+    }
+
+    /// Whether both sides are made of whole spans, no group of inputs cutting one.
+    fn divides_into_spans(&self) -> bool {
+        self.inputs.is_multiple_of(SPAN) && self.outputs.is_multiple_of(SPAN)
     }
 
     /// One panel of one group: the whole blocks, then what is left of the inputs.
@@ -169,6 +216,109 @@ impl Linear {
         };
         let weights = &transposed[panel * PANEL * self.outputs..][..PANEL * self.outputs];
         rows_times_panel::<BLOCK>(isa, rows, a, weights, Start::Zero, finish, dx);
+    }
+
+    /// Input gradient of one chunk where both sides of the layer are behind a ReLU: `dx = dy · Wᵀ` where `x` is positive,
+    /// else 0, as rows `dx_row` apart. Zeros of `dy` are left out where that is faster; the bits are the same.
+    #[allow(clippy::too_many_arguments)] // The operands of one product.
+    pub fn input_gradient_between_relus(
+        &self,
+        isa: Isa,
+        transposed: &[f32],
+        chunks: &Chunks,
+        rows: usize,
+        dy: &[f32],
+        x: &[f32],
+        dx: &mut [f32],
+        dx_row: usize,
+        nonzeros: &mut Nonzeros,
+    ) {
+        let stride = chunks.block_stride();
+        let spans = self.outputs / SPAN;
+        let can_leave_out = self.divides_into_spans() && sparse::is_worth_a_look(isa, rows);
+        if can_leave_out {
+            nonzeros.of_rows(isa, rows, spans, dy, stride);
+        }
+        if !can_leave_out || !nonzeros.are_few() {
+            for panel in 0..self.transposed_panels() {
+                let mask = Grid { data: &x[panel * 2 * stride..], row: BLOCK, half: stride };
+                let dx = Grid { data: &mut dx[panel * PANEL..], row: dx_row, half: HALF };
+                self.input_gradient(isa, transposed, panel, chunks, rows, dy, Finish::Mask(mask), dx);
+            }
+            return;
+        }
+        let n_pairs = self.inputs / SPAN;
+        let panels = |pair: usize, span: usize| {
+            [2 * pair, 2 * pair + 1]
+                .map(|panel| &transposed[(panel * self.outputs + span * SPAN) * PANEL..][..SPAN * PANEL])
+        };
+        for pair in 0..n_pairs {
+            let mask = Grid { data: &x[pair * QUARTERS * stride..], row: BLOCK, half: stride };
+            for span in 0..spans {
+                let behind = (pair * spans + span + 1).min(n_pairs * spans - 1);
+                let next = panels(behind / spans, behind % spans);
+                let start = if span == 0 { Start::Zero } else { Start::Accumulate };
+                let finish = if span + 1 == spans { Finish::Mask(mask) } else { Finish::Store };
+                let out = Grid { data: &mut dx[pair * SPAN..], row: dx_row, half: HALF };
+                let first_list = span * rows;
+                rows_times_span(
+                    isa,
+                    rows,
+                    nonzeros,
+                    first_list,
+                    panels(pair, span),
+                    next,
+                    start,
+                    finish,
+                    out,
+                );
+            }
+        }
+    }
+
+    /// [`weight_gradient`](Self::weight_gradient) for output gradients behind a ReLU: zeros of `dy` are left out where
+    /// that is faster; the bits are the same.
+    #[allow(clippy::too_many_arguments)] // The operands of one product.
+    pub fn weight_gradient_behind_relu(
+        &self,
+        isa: Isa,
+        chunks: &Chunks,
+        x: &[f32],
+        dy: &[f32],
+        gradient: &mut [f32],
+        columns: &mut Vec<Nonzeros>,
+    ) {
+        if !self.divides_into_spans() || !sparse::is_worth_a_look(isa, chunks.batch) {
+            return self.weight_gradient(isa, chunks, x, dy, gradient);
+        }
+        let stride = chunks.block_stride();
+        let (x_chunk, dy_chunk) = (chunks.chunk_len(self.inputs), chunks.chunk_len(self.outputs));
+        let n_runs = chunk_runs(chunks).count();
+        if columns.len() < n_runs {
+            columns.resize_with(n_runs, Nonzeros::default);
+        }
+        let columns = &mut columns[..n_runs];
+        let rows = |count: Count| Rows { chunks: count.segments, of_each: count.steps, dy_chunk, x_chunk };
+        for (columns, (first, count)) in columns.iter_mut().zip(chunk_runs(chunks)) {
+            columns.of_columns(self.outputs, &dy[first * dy_chunk..], rows(count), stride);
+        }
+        if !columns.iter().all(Nonzeros::are_few) {
+            return self.weight_gradient(isa, chunks, x, dy, gradient);
+        }
+        let columns = &*columns;
+        let gradient = &mut gradient[..self.weights()];
+        for_each_piece(self.groups(), [(gradient, GROUP * self.outputs)], &|group, [gradient]| {
+            let inputs = gradient.len() / self.outputs;
+            for span in 0..inputs / SPAN {
+                let x = &x[(group * (GROUP / BLOCK) + span * QUARTERS) * stride..];
+                let gradient = &mut gradient[span * SPAN * PANEL..];
+                for (columns, (first, count)) in columns.iter().zip(chunk_runs(chunks)) {
+                    let x = &x[first * x_chunk..];
+                    let gradient = Panels { data: &mut *gradient, stride: inputs * PANEL };
+                    span_gradient(isa, columns, rows(count), x, stride, first > 0, gradient);
+                }
+            }
+        });
     }
 
     /// Weight gradient of the whole batch: `dW = xᵀ · dy`, in the order of the weights, overwritten.

@@ -1,7 +1,7 @@
 //! Kernels of the fast back end: few, large, well-shaped matrix products over memory that is allocated once.
 //!
 //! Reading order: [`rows`] and [`outer`] (the two products that everything is made of), [`blocked`] (the one format of
-//! activations), [`linear`] and [`head`] (layers), [`adam`].
+//! activations), [`linear`] and [`head`] (layers), [`sparse`] (what a ReLU saves), [`adam`].
 //!
 //! All functions here are safe: they check lengths. `unsafe` is confined to this folder, to the few functions that use
 //! vector instructions ([`Isa`] proves that the processor has them) and to [`AlignedVec`]'s view of its memory. Each
@@ -20,6 +20,8 @@ pub mod aligned;
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+#[cfg(target_arch = "x86_64")]
+mod avx512_sparse;
 pub mod blocked;
 pub mod head;
 pub mod isa;
@@ -27,6 +29,7 @@ pub mod linear;
 pub mod outer;
 mod pieces;
 pub mod rows;
+pub mod sparse;
 mod tile;
 mod transpose;
 
@@ -42,3 +45,4 @@ pub use linear::{Forward, Linear};
 pub use outer::{Count, Steps, outer_products};
 pub(crate) use pieces::for_each_piece;
 pub use rows::{Finish, Grid, HALF, PANEL, Start, Strips, rows_times_panel};
+pub use sparse::Nonzeros;
