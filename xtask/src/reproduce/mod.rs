@@ -188,7 +188,7 @@ fn study(args: &ReproduceArgs, target: Target, results: &Path, n_threads: usize)
         verdicts_of(&mut bench, results)?;
     }
     if is(Target::FigureLoss) {
-        figure_loss(&bench, results)?;
+        figure_loss(&bench, &plan, results)?;
     }
     if is(Target::FigurePaths) {
         figure_paths(&mut bench, results)?;
@@ -223,9 +223,16 @@ fn verdicts_of(bench: &mut Bench, results: &Path) -> Result<()> {
     output::result(&(verdicts::text(&results_of) + "\n"))
 }
 
-fn figure_loss(bench: &Bench, results: &Path) -> Result<()> {
-    match curves::figure(&bench.policies.curves(curves::VARIANT)?)? {
-        Some(csv) => store_figure(results, "figure-loss", &csv),
+/// A figure: its numbers and its picture.
+struct Figure {
+    csv: String,
+    svg: String,
+}
+
+fn figure_loss(bench: &Bench, plan: &Plan, results: &Path) -> Result<()> {
+    let n_behaviours = plan.run(curves::VARIANT, 1).n_behaviours;
+    match curves::figure(&bench.policies.curves(curves::VARIANT)?, n_behaviours)? {
+        Some(figure) => store_figure(results, "figure-loss", &figure),
         None => output::result("figure-loss: no run of the row m5 has been trained yet\n"),
     }
 }
@@ -233,15 +240,18 @@ fn figure_loss(bench: &Bench, results: &Path) -> Result<()> {
 fn figure_paths(bench: &mut Bench, results: &Path) -> Result<()> {
     let found = bench.policies.of("m5", row_spec("m5").updates)?;
     match found.first() {
-        Some(first) => store_figure(results, "figure-paths", &paths::figure(&first.policy)?),
+        Some(first) => store_figure(results, "figure-paths", &paths::figure(first)?),
         None => output::result("figure-paths: no policy of the row m5 has been trained yet\n"),
     }
 }
 
-fn store_figure(results: &Path, name: &str, csv: &str) -> Result<()> {
-    let path = results.join(format!("{name}.csv"));
-    write_atomically(&path, csv)?;
-    output::result(&format!("{}\n", path.display()))
+fn store_figure(results: &Path, name: &str, figure: &Figure) -> Result<()> {
+    for (extension, text) in [("csv", &figure.csv), ("svg", &figure.svg)] {
+        let path = results.join(format!("{name}.{extension}"));
+        write_atomically(&path, text)?;
+        output::result(&format!("{}\n", path.display()))?;
+    }
+    Ok(())
 }
 
 /// Names the rows without a policy, with the command and the hours that they take here.

@@ -1,6 +1,7 @@
 //! `docs/reproduction.md`: its tables are filled from `results/`, its prose is written by hand.
 //!
-//! A table stands between `<!-- begin: NAME -->` and `<!-- end: NAME -->` and is the file `results/NAME.md`.
+//! A table stands between `<!-- begin: NAME -->` and `<!-- end: NAME -->` and is the file `results/NAME.md`. Figures are copied to
+//! `docs/images/`, as a book holds what is below its own folder alone.
 
 use std::path::{Path, PathBuf};
 
@@ -9,6 +10,9 @@ use anyhow::{Context as _, Result, bail};
 use crate::output::note;
 use crate::provenance::workspace;
 use crate::run_folder::{read_optional, write_atomically};
+
+/// The pictures of the page.
+const FIGURES: [&str; 2] = ["figure-loss.svg", "figure-paths.svg"];
 
 /// What stands for a result that is not there.
 const NOTHING: &str = "*Not run yet.*\n";
@@ -24,6 +28,12 @@ pub(super) fn fill(page: &Path, results: &Path) -> Result<()> {
     let filled = filled(&text, results).with_context(|| page.display().to_string())?;
     if filled != text {
         write_atomically(page, &filled)?;
+    }
+    let images = page.with_file_name("images");
+    for name in FIGURES {
+        if let Some(picture) = read_optional(&results.join(name))? {
+            write_atomically(&images.join(name), &picture)?;
+        }
     }
     note(&format!("{}: filled from {}", page.display(), results.display()));
     Ok(())
@@ -83,6 +93,10 @@ mod tests {
         assert!(text == expected, "run `cargo xtask reproduce page`: results/ has changed");
         for name in ["table1", "table2", "table3", "table4", "table5", "claims", "tokens", "outcomes"] {
             assert!(text.contains(&format!("<!-- begin: {name} -->")), "{name}");
+        }
+        for name in FIGURES {
+            let read = |folder: &str| read_optional(&workspace().join(folder).join(name)).unwrap();
+            assert!(read("results") == read("docs/images"), "{name}: run `cargo xtask reproduce page`");
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Figure "paths": where each behaviour token leads from one start to one goal behind a static obstacle.
 
-use anyhow::Result;
-use glam::Vec2;
+use anyhow::{Result, bail};
+use glam::{DVec2, Vec2};
 use jostle_eval::config::EvalConfig;
 use jostle_eval::loaded::LoadedPolicy;
 use jostle_eval::outcome::EpisodeOutcome;
@@ -12,10 +12,21 @@ use jostle_sim::{
     clip_action, crash, outcome,
 };
 
+use super::Figure;
+use super::policies::Found;
+use crate::plot::draw;
+use crate::plot::draw::paths::{PathEnd, PathFigure, PathPoint, RobotPath};
 use crate::provenance::workspace;
 
 /// The robot starts at the origin and looks at the goal (paper, Fig. "qual").
 const GOAL: [f32; 2] = [8.0, 0.0];
+/// Steps from one arrow to the next: a second.
+const ARROW_EVERY: usize = 10;
+/// Room around what is shown (m).
+const AROUND: f64 = 1.0;
+/// Part of the room that is shown in any case: least and largest corner (m).
+const VIEW: ([f64; 2], [f64; 2]) = ([0.0, -1.5], [8.0, 1.5]);
+
 /// One token's way.
 struct Way {
     token: u32,
@@ -24,21 +35,83 @@ struct Way {
     end: EpisodeOutcome,
 }
 
-/// The figure's data as CSV.
-pub(super) fn figure(policy: &LoadedPolicy) -> Result<String> {
+/// The figure of a policy, each of its tokens in turn.
+pub(super) fn figure(found: &Found) -> Result<Figure> {
+    let policy = &found.policy;
     let map = workspace().join("maps/obstacle.toml");
     let scenario = Scenario::new(&RoomConfig { map: Some(map), ..RoomConfig::default() })?;
     let tokens = 0..policy.file.network.n_behaviours as u32;
     let ways: Vec<Way> = tokens.map(|token| way(policy, token, &scenario)).collect::<Result<_>>()?;
+    let note = format!("{}: training seed {}, {} updates", policy.identity.name, found.seed, found.updates);
+    let sim = policy.sim_config()?;
+    let scene = PathFigure {
+        title: "Where each behaviour token leads around a static obstacle".to_owned(),
+        view: view(&ways),
+        obstacles: scenario
+            .obstacles
+            .iter()
+            .map(|(shape, pose)| corners(shape, *pose))
+            .collect::<Result<_>>()?,
+        goal: GOAL.map(f64::from),
+        goal_radius: f64::from(sim.episode.goal_radius),
+        v_max: f64::from(sim.robot.v_max),
+        arrow_every: ARROW_EVERY,
+        paths: ways.iter().map(|way| drawn(way, f64::from(sim.episode.dt))).collect(),
+        note,
+    };
+    Ok(Figure { csv: csv(&ways), svg: draw::paths::paths(&scene)? })
+}
+
+fn csv(ways: &[Way]) -> String {
     let mut csv = csv_line(["token", "step", "x", "y", "heading", "v", "w", "end"]);
-    for way in &ways {
+    for way in ways {
         for (step, (pose, [v, w])) in way.points.iter().enumerate() {
             let numbers = [pose.position.x, pose.position.y, pose.heading, *v, *w].map(|x| format!("{x:.4}"));
             let ids = [way.token.to_string(), step.to_string()];
             csv += &csv_line(ids.into_iter().chain(numbers).chain([way.end.to_string()]));
         }
     }
-    Ok(csv)
+    csv
+}
+
+/// What the ways need, with room around.
+fn view(ways: &[Way]) -> ([f64; 2], [f64; 2]) {
+    let positions = ways.iter().flat_map(|way| &way.points).map(|(pose, _)| pose.position.as_dvec2());
+    let (least, most) = positions
+        .fold((VIEW.0.into(), VIEW.1.into()), |(least, most), at: DVec2| (at.min(least), at.max(most)));
+    ((least - AROUND).into(), (most + AROUND).into())
+}
+
+/// Corners of an obstacle in the room; of those in this scene, which are boxes.
+fn corners(shape: &Shape, pose: Pose) -> Result<Vec<[f64; 2]>> {
+    let Shape::Box { length, width } = shape else {
+        bail!("found {shape:?}, expected a box in the figure's map")
+    };
+    let signs = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+    let corner = |[x, y]: [f32; 2]| {
+        let offset = pose.direction().rotate(0.5 * Vec2::new(x * length, y * width));
+        (pose.position + offset).as_dvec2().into()
+    };
+    Ok(signs.map(corner).to_vec())
+}
+
+fn drawn(way: &Way, dt: f64) -> RobotPath {
+    let point = |(pose, [v, _]): &(Pose, [f32; 2])| PathPoint {
+        position: pose.position.as_dvec2().into(),
+        heading: f64::from(pose.heading),
+        speed: f64::from(*v),
+    };
+    let end = match way.end {
+        EpisodeOutcome::Success => PathEnd::Goal,
+        EpisodeOutcome::CollisionWall | EpisodeOutcome::CollisionPedestrian => PathEnd::Collision,
+        EpisodeOutcome::Timeout => PathEnd::Timeout,
+    };
+    let seconds = (way.points.len() - 1) as f64 * dt;
+    RobotPath {
+        label: format!("z = {}: {seconds:.1} s", way.token),
+        points: way.points.iter().map(point).collect(),
+        end,
+    }
 }
 
 /// A robot alone in the scene; the laser's noise is the same for every token.
