@@ -107,12 +107,13 @@ fn compare(symmetry: Symmetry, seed: u64, side: f32) -> (u64, u64) {
             assert!((a.reward - b.reward).abs() < 1e-3, "{name}: reward {} {}", a.reward, b.reward);
             // A robot that was placed anew has its place from a stream, which knows no symmetry.
             ends += u64::from(!a.end.is_running());
-            let rows = |rooms: &Rooms| match a.end.is_running() {
-                true => {
-                    let width = rooms.observations().len() / N_AGENTS;
+            let rows = |rooms: &Rooms| {
+                let width = rooms.observations().len() / N_AGENTS;
+                if a.end.is_running() {
                     rooms.observations()[agent * width..][..width].to_vec()
+                } else {
+                    rooms.final_observation(agent).to_vec()
                 }
-                false => rooms.final_observation(agent).to_vec(),
             };
             let (expected, found) = (symmetry.observation(&rows(&plain)), rows(&image));
             let (scans, motion) = expected.split_at(FRAMES * BEAMS);

@@ -2,7 +2,7 @@
 //!
 //! Reading order: this file (what is asked for), [`plan`] (rows and their training settings), [`policies`] (where policies
 //! come from), [`cells`] (episodes, each cell run once), [`mod@bench`] (the study), [`tables`], [`deployment`], [`beyond`],
-//! [`curves`], [`paths`] (what is printed), [`training`] and [`hours`] (`--train`), [`page`] (docs/reproduction.md). The small
+//! [`curves`], [`paths`] (what is printed), [`training`] and [`hours`] (`--train`), [`page`] (docs/reproduction.md, README.md). The small
 //! preset, which trains everything within minutes, is a thing of its own: [`small`].
 
 mod bench;
@@ -114,7 +114,7 @@ enum Target {
     FigurePaths,
     /// All of these.
     All,
-    /// Fill docs/reproduction.md from the results.
+    /// Fill docs/reproduction.md and README.md from the results.
     Page,
     /// Bring the configuration of the safety-zone baseline into line with the base setting.
     Configs,
@@ -153,7 +153,7 @@ pub(crate) fn run(args: &ReproduceArgs) -> Result<ExitCode> {
     let default_results = if args.train { args.runs.join("results") } else { workspace().join("results") };
     let results = args.out.clone().unwrap_or(default_results);
     match args.target {
-        Target::Page => page::fill(&page::default_page(), &results)?,
+        Target::Page => page::fill_all(&results)?,
         Target::Configs => Plan::store_safety_zone_file()?,
         target => study(args, target, &results, n_threads)?,
     }

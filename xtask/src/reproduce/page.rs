@@ -1,9 +1,9 @@
-//! `docs/reproduction.md`: its tables are filled from `results/`, its prose is written by hand.
+//! `docs/reproduction.md` and `README.md`: their tables are filled from `results/`, their prose is written by hand.
 //!
 //! A table stands between `<!-- begin: NAME -->` and `<!-- end: NAME -->` and is the file `results/NAME.md`. Figures are copied to
 //! `docs/images/`, as a book holds what is below its own folder alone.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{Context as _, Result, bail};
 
@@ -17,25 +17,30 @@ const FIGURES: [&str; 2] = ["figure-loss.svg", "figure-paths.svg"];
 /// What stands for a result that is not there.
 const NOTHING: &str = "*Not run yet.*\n";
 
-/// The page.
-pub(super) fn default_page() -> PathBuf {
-    workspace().join("docs/reproduction.md")
+/// The pages with tables, the one with all of them first.
+const PAGES: [&str; 2] = ["docs/reproduction.md", "README.md"];
+
+/// Fills the pages from a folder of results.
+pub(super) fn fill_all(results: &Path) -> Result<()> {
+    for page in PAGES {
+        fill(&workspace().join(page), results)?;
+    }
+    for name in FIGURES {
+        if let Some(picture) = read_optional(&results.join(name))? {
+            write_atomically(&workspace().join("docs/images").join(name), &picture)?;
+        }
+    }
+    note(&format!("{}: filled from {}", PAGES.join(", "), results.display()));
+    Ok(())
 }
 
-/// Fills the page's tables from a folder of results.
-pub(super) fn fill(page: &Path, results: &Path) -> Result<()> {
+/// Fills one page's tables.
+fn fill(page: &Path, results: &Path) -> Result<()> {
     let text = read_optional(page)?.with_context(|| format!("{} is missing", page.display()))?;
     let filled = filled(&text, results).with_context(|| page.display().to_string())?;
     if filled != text {
         write_atomically(page, &filled)?;
     }
-    let images = page.with_file_name("images");
-    for name in FIGURES {
-        if let Some(picture) = read_optional(&results.join(name))? {
-            write_atomically(&images.join(name), &picture)?;
-        }
-    }
-    note(&format!("{}: filled from {}", page.display(), results.display()));
     Ok(())
 }
 
@@ -87,12 +92,16 @@ mod tests {
     }
 
     #[test]
-    fn the_page_is_what_the_results_say() {
-        let text = std::fs::read_to_string(default_page()).unwrap();
-        let expected = filled(&text, &workspace().join("results")).unwrap();
-        assert!(text == expected, "run `cargo xtask reproduce page`: results/ has changed");
-        for name in ["table1", "table2", "table3", "table4", "table5", "claims", "tokens", "outcomes"] {
-            assert!(text.contains(&format!("<!-- begin: {name} -->")), "{name}");
+    fn the_pages_are_what_the_results_say() {
+        for page in PAGES {
+            let text = std::fs::read_to_string(workspace().join(page)).unwrap();
+            let expected = filled(&text, &workspace().join("results")).unwrap();
+            assert!(text == expected, "{page}: run `cargo xtask reproduce page`: results/ has changed");
+            let names = ["table1", "table2", "table3", "table4", "table5", "claims", "tokens", "outcomes"];
+            let n_tables = if page == PAGES[0] { names.len() } else { 1 };
+            for name in &names[..n_tables] {
+                assert!(text.contains(&format!("<!-- begin: {name} -->")), "{page}: {name}");
+            }
         }
         for name in FIGURES {
             let read = |folder: &str| read_optional(&workspace().join(folder).join(name)).unwrap();

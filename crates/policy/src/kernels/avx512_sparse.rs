@@ -80,7 +80,7 @@ pub(super) unsafe fn rows(
     next: [&[f32]; 2],
     start: Start<'_>,
     finish: Finish<'_>,
-    out: Grid<&mut [f32]>,
+    out: &mut Grid<&mut [f32]>,
 ) {
     let base = out.data.as_mut_ptr();
     let [p, q] = panels.map(<[f32]>::as_ptr);
@@ -147,7 +147,7 @@ pub(super) unsafe fn gradient(
     x: &[f32],
     block_stride: usize,
     accumulate: bool,
-    gradient: Panels<'_>,
+    gradient: &mut Panels<'_>,
 ) {
     let mut square = Square([[0.0; SPAN]; SPAN]);
     let load = |row: &[f32; SPAN]| -> Sums {
@@ -184,7 +184,7 @@ pub(super) unsafe fn gradient(
                 // SAFETY: a row is four registers.
                 unsafe { _mm512_loadu_ps(row.as_ptr().add(quarter * BLOCK)) }
             });
-            for (input, sum) in transposed(of_outputs).into_iter().enumerate() {
+            for (input, sum) in transposed(&of_outputs).into_iter().enumerate() {
                 // SAFETY: a span of inputs of every panel lies within `gradient`.
                 unsafe {
                     let out = gradient.data.as_mut_ptr().add(at + input * PANEL);
@@ -201,7 +201,7 @@ pub(super) unsafe fn gradient(
 /// Within each 128-bit lane, pairs of rows are interleaved, then pairs of pairs: lane l of `quads[4·g + c]` holds column
 /// 4·l + c of the rows 4·g … 4·g + 3. What is left is a transposition of 4 × 4 lanes.
 #[target_feature(enable = "avx512f")]
-fn transposed(rows: [__m512; BLOCK]) -> [__m512; BLOCK] {
+fn transposed(rows: &[__m512; BLOCK]) -> [__m512; BLOCK] {
     let low = |a: __m512d, b: __m512d| _mm512_castpd_ps(_mm512_unpacklo_pd(a, b));
     let high = |a: __m512d, b: __m512d| _mm512_castpd_ps(_mm512_unpackhi_pd(a, b));
     let mut quads = [_mm512_setzero_ps(); BLOCK];

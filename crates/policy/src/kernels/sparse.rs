@@ -5,7 +5,7 @@
 //! places; then each of them is broadcast and multiplied by 64 values of the other operand, which stay in the first-level
 //! cache. That reads an operand of the multiply-add from memory each time, where the dense tiles of
 //! [`rows`](super::rows) keep it in a register for 14 rows, so it pays where the share of values that are not zero is below
-//! [`DENSE`]; above it the dense product is used.
+//! `DENSE`; above it the dense product is used.
 //!
 //! # The same bits
 //!
@@ -189,7 +189,7 @@ pub(super) fn rows_times_span(
     next: [&[f32]; 2],
     start: Start<'_>,
     finish: Finish<'_>,
-    out: Grid<&mut [f32]>,
+    mut out: Grid<&mut [f32]>,
 ) {
     assert!(panels.iter().all(|panel| panel.len() >= SPAN * PANEL), "panel too short");
     let needed = |row: usize, quarter: usize| (rows - 1) * row + (QUARTERS - 1) * quarter + BLOCK;
@@ -205,7 +205,7 @@ pub(super) fn rows_times_span(
         // rows of a panel by the making of `Nonzeros::of_rows`.
         #[cfg(target_arch = "x86_64")]
         Level::Avx512 => unsafe {
-            super::avx512_sparse::rows(rows, nonzeros, first_list, panels, next, start, finish, out);
+            super::avx512_sparse::rows(rows, nonzeros, first_list, panels, next, start, finish, &mut out);
         },
         _ => {
             let _ = (nonzeros, first_list, next, out);
@@ -229,7 +229,7 @@ pub(super) fn span_gradient(
     x: &[f32],
     block_stride: usize,
     accumulate: bool,
-    gradient: Panels<'_>,
+    mut gradient: Panels<'_>,
 ) {
     let outputs = columns.lengths.len() / rows.chunks;
     let needed = (rows.chunks - 1) * rows.x_chunk + columns.farthest + (QUARTERS - 1) * block_stride + BLOCK;
@@ -242,7 +242,15 @@ pub(super) fn span_gradient(
         // `farthest`.
         #[cfg(target_arch = "x86_64")]
         Level::Avx512 => unsafe {
-            super::avx512_sparse::gradient(columns, rows, outputs, x, block_stride, accumulate, gradient);
+            super::avx512_sparse::gradient(
+                columns,
+                rows,
+                outputs,
+                x,
+                block_stride,
+                accumulate,
+                &mut gradient,
+            );
         },
         _ => {
             let _ = accumulate;
