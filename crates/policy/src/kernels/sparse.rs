@@ -191,7 +191,8 @@ pub(super) fn rows_times_span(
     finish: Finish<'_>,
     mut out: Grid<&mut [f32]>,
 ) {
-    assert!(panels.iter().all(|panel| panel.len() >= SPAN * PANEL), "panel too short");
+    let needed = nonzeros.farthest + PANEL;
+    assert!(panels.iter().all(|panel| panel.len() >= needed), "a panel is shorter than {needed}");
     let needed = |row: usize, quarter: usize| (rows - 1) * row + (QUARTERS - 1) * quarter + BLOCK;
     assert!(rows > 0 && out.data.len() >= needed(out.row, out.half), "output too short: {}", out.data.len());
     if let Start::Bias(bias) = start {
@@ -201,8 +202,8 @@ pub(super) fn rows_times_span(
         assert!(mask.data.len() >= needed(mask.row, mask.half), "mask too short: {}", mask.data.len());
     }
     match isa.0 {
-        // SAFETY: an `Isa` exists only where the processor has it; lengths are checked above, and a list's offsets are
-        // rows of a panel by the making of `Nonzeros::of_rows`.
+        // SAFETY: an `Isa` exists only where the processor has it; lengths are checked above, and no offset is beyond
+        // `farthest`.
         #[cfg(target_arch = "x86_64")]
         Level::Avx512 => unsafe {
             super::avx512_sparse::rows(rows, nonzeros, first_list, panels, next, start, finish, &mut out);
