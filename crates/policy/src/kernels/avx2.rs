@@ -1,10 +1,11 @@
 //! The two products for AVX2 and FMA: tiles of up to 6 rows × 16 columns (2 registers), 12 sums in registers of 16.
 //!
-//! A panel is done in its two halves, one after the other.
+//! A tile does the two halves of a panel one after the other, [`DEPTH`] steps of k at a time, so that the part of a panel that
+//! all tiles read again (16 KB) leaves room for their own rows in a first-level cache of 32 KB.
 
 use std::arch::x86_64::{
-    __m256, _CMP_GT_OQ, _mm256_add_ps, _mm256_and_ps, _mm256_cmp_ps, _mm256_fmadd_ps, _mm256_loadu_ps,
-    _mm256_max_ps, _mm256_set1_ps, _mm256_setzero_ps, _mm256_storeu_ps,
+    __m256, _CMP_GT_OQ, _MM_HINT_T0, _mm_prefetch, _mm256_add_ps, _mm256_and_ps, _mm256_cmp_ps, _mm256_fmadd_ps,
+    _mm256_loadu_ps, _mm256_max_ps, _mm256_set1_ps, _mm256_setzero_ps, _mm256_storeu_ps,
 };
 
 use super::outer::{Count, Steps};
@@ -14,7 +15,13 @@ use super::tile::Tiles;
 /// Floats of a register.
 const LANES: usize = 8;
 
-/// [`rows_times_panel`](super::rows_times_panel).
+/// Steps of k that all tiles of a panel take before any takes the next.
+const DEPTH: usize = 128;
+/// Steps of k by which a panel is asked for before it is read.
+const AHEAD: usize = 24;
+
+/// [`rows_times_panel`](super::rows_times_panel). Sums that wait for their next steps wait in the output: the bits are those of
+/// one sum over all k.
 ///
 /// # Safety
 ///
@@ -29,18 +36,26 @@ pub(super) unsafe fn rows<const ROW: usize>(
     out: &mut Grid<&mut [f32]>,
 ) {
     let out = Grid { data: out.data.as_mut_ptr(), row: out.row, half: out.half };
-    for half in 0..2 {
+    let blocks_at_once = (DEPTH / a.block_len).max(1);
+    for first in (0..a.blocks).step_by(blocks_at_once) {
+        let blocks = blocks_at_once.min(a.blocks - first);
+        let a_part = Strips { data: &a.data[first * a.block_stride..], blocks, ..*a };
+        let panel = &panel[first * a.block_len * PANEL..];
+        let start = if first == 0 { start } else { Start::Accumulate };
+        let finish = if first + blocks == a.blocks { finish } else { Finish::Store };
         let mut row = 0;
         for tile in 0..tiles.count {
             let size = tiles.small + usize::from(tile < tiles.n_large);
-            macro_rules! sizes {
-                ($($n:literal)*) => { match size {
-                    // SAFETY: passed on; the tile's rows are among those checked.
-                    $($n => unsafe { rows_tile::<$n, ROW>(row, half, a, panel, start, finish, out) },)*
-                    _ => unreachable!("tiles have 1 to 6 rows"),
-                } };
+            for half in 0..2 {
+                macro_rules! sizes {
+                    ($($n:literal)*) => { match size {
+                        // SAFETY: passed on; the tile's rows are among those checked.
+                        $($n => unsafe { rows_tile::<$n, ROW>(row, half, &a_part, panel, start, finish, out) },)*
+                        _ => unreachable!("tiles have 1 to 6 rows"),
+                    } };
+                }
+                sizes!(1 2 3 4 5 6);
             }
-            sizes!(1 2 3 4 5 6);
             row += size;
         }
     }
@@ -77,6 +92,7 @@ unsafe fn rows_tile<const MR: usize, const ROW: usize>(
         for _ in 0..a.blocks {
             let mut x = strip;
             for _ in 0..a.block_len {
+                _mm_prefetch::<_MM_HINT_T0>(b.wrapping_add(AHEAD * PANEL).cast());
                 step::<MR, ROW>(&mut sums, x, load(b));
                 x = x.add(1);
                 b = b.wrapping_add(PANEL);
