@@ -100,6 +100,34 @@ fn seeds_and_configurations_part_ways() {
 }
 
 #[test]
+fn discriminators_do_not_touch_a_baseline() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let result = |discriminator: &[&str]| {
+        let baseline = ["n_behaviours=1", "intrinsic_reward=none", "alpha=0"];
+        let mut trainer = trainer(&[&baseline[..], discriminator].concat());
+        let reports = run(&mut trainer, 4);
+        let parts = saved(&mut trainer, folder.path()).into_iter();
+        let policy: Vec<_> =
+            parts.filter(|(name, _)| name.contains("actor") || name.contains("critic")).collect();
+        (reports, policy)
+    };
+    let (reports, policy) = result(&[]);
+    assert!(policy.len() > 2 * 10, "weights and Adam's moments of both networks: {}", policy.len());
+    let (other_reports, other) = result(&[
+        "discriminator.noise=absolute",
+        "discriminator.noise_scale=0.3",
+        "discriminator.noise_on_action=false",
+        "discriminator.action_scale=10",
+        "discriminator.action=raw",
+        "discriminator.learning_rate=1e-3",
+        "discriminator.hidden=64",
+        "epochs_discriminator=3",
+    ]);
+    assert_eq!(other_reports, reports);
+    assert_same(&other, &policy, "another discriminator");
+}
+
+#[test]
 fn the_previous_checkpoint_is_kept() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("a.safetensors");
