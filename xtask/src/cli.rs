@@ -6,7 +6,7 @@ use anyhow::Result;
 use clap::{Parser, Subcommand};
 
 use crate::{
-    bench, chaos, ci, compare, config, conformance, demo, doctor, evaluate, fuzz, milestones, output, play,
+    behaviours, bench, chaos, ci, compare, config, conformance, demo, doctor, evaluate, fuzz, milestones, output, play,
     plot, replay, reproduce, runs, ship, tensorboard, train, verify,
 };
 
@@ -56,6 +56,8 @@ pub(crate) enum Command {
     Compare(compare::CompareArgs),
     /// Print training measures of runs at chosen updates.
     Milestones(milestones::MilestonesArgs),
+    /// Print what each behaviour of a run does in training, and what it is paid for it.
+    Behaviours(behaviours::BehavioursArgs),
     /// Draw learning curves of runs, or the bars of a table.
     Plot(plot::PlotArgs),
     /// Name what is missing or odd here, and what to do.
@@ -88,6 +90,7 @@ impl Command {
             Self::Runs(args) => runs::run(&args),
             Self::Compare(args) => compare::run(&args),
             Self::Milestones(args) => milestones::run(&args),
+            Self::Behaviours(args) => behaviours::run(&args),
             Self::Plot(args) => plot::run(&args),
             Self::Doctor(args) => doctor::run(&args),
             Self::Config(args) => config::run(&args),

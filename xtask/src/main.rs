@@ -12,6 +12,7 @@
 
 #![forbid(unsafe_code)]
 
+mod behaviours;
 mod bench;
 mod browser;
 mod cells;

@@ -195,6 +195,33 @@ fn milestones_stand_where_the_log_has_them() {
 }
 
 #[test]
+fn each_behaviour_of_a_run_has_its_line() {
+    let before = fs::read(finished_run().join("log.ndjson")).unwrap();
+    let printed = accepted(&["behaviours", text(finished_run()), "--rollouts", "3"]);
+    let rows: Vec<Vec<&str>> = printed
+        .lines()
+        .map(|line| line.split('|').map(str::trim).collect::<Vec<_>>())
+        .filter(|row| row.len() == 13 && row[1].parse::<u32>().is_ok())
+        .collect();
+    let config = fs::read_to_string(finished_run().join("config.toml")).unwrap();
+    let config: toml::Table = config.parse().unwrap();
+    assert_eq!(rows.len() as i64, config["n_behaviours"].as_integer().unwrap(), "{printed}");
+    for (token, row) in rows.iter().enumerate() {
+        assert_eq!(row[1], token.to_string());
+        let speed: f64 = row[6].parse().unwrap();
+        assert!((0.0..=1.0).contains(&speed), "{printed}");
+        // What it is paid is what the two discriminators differ by, to the digits that are shown.
+        let [paid, sa, s] = [9, 10, 11].map(|at| row[at].parse::<f64>().unwrap());
+        let alpha = config["alpha"].as_float().unwrap();
+        assert!((paid - alpha * (sa - s)).abs() < alpha * 0.011 + 0.001, "{printed}");
+    }
+    assert_eq!(printed, accepted(&["behaviours", text(finished_run()), "--rollouts", "3"]));
+    assert_eq!(fs::read(finished_run().join("log.ndjson")).unwrap(), before, "a look changes nothing");
+    refused(&["behaviours", "nowhere"], &["nowhere", "expected a run folder or a checkpoint"]);
+    refused(&["behaviours", text(finished_run()), "--rollouts", "0"], &["--rollouts", "found 0"]);
+}
+
+#[test]
 fn an_event_file_has_a_record_for_each_update() {
     let folder = tempfile::tempdir().unwrap();
     let printed = accepted(&["tensorboard", text(finished_run()), "--out", text(folder.path())]);

@@ -78,12 +78,12 @@ pub struct Trainer {
     pub(crate) update: u64,
     /// Transitions seen.
     pub(crate) transitions: u64,
-    rollout: Rollout,
+    pub(crate) rollout: Rollout,
     /// Means of the present step's actions, one for each agent.
     means: Vec<[f32; 2]>,
     /// Rows [observation | action] of the rollout, for `q_state_action`.
-    state_action: Vec<f32>,
-    pool: Arc<ThreadPool>,
+    pub(crate) state_action: Vec<f32>,
+    pub(crate) pool: Arc<ThreadPool>,
 }
 
 impl Trainer {
@@ -232,7 +232,7 @@ impl Trainer {
     }
 
     /// One step of every agent: observe, sample the policy of its behaviour, execute, collect (lines 6–7).
-    fn act(&mut self, step: u64, clock: &mut Clock) -> Result<(), PpoError> {
+    pub(crate) fn act(&mut self, step: u64, clock: &mut Clock) -> Result<(), PpoError> {
         let begin = Instant::now();
         self.rollout.push_observations(&self.rooms, self.update)?;
         self.actor.network.infer(self.rollout.present(), self.means.as_flattened_mut());
@@ -261,7 +261,7 @@ impl Trainer {
     }
 
     /// Line 8, and what the discriminators are worth on data that they have not seen: q(z|s,a), q(z|s).
-    fn add_intrinsic_reward(&mut self) -> [DiscriminatorReport; 2] {
+    pub(crate) fn add_intrinsic_reward(&mut self) -> [DiscriminatorReport; 2] {
         let rollout = &mut self.rollout;
         let shown = match self.config.discriminator.action {
             ActionInput::Executed => &rollout.executed,

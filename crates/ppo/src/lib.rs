@@ -1,7 +1,8 @@
 //! Algorithm 1: proximal policy optimisation with a diversity reward, resumable to the bit.
 //!
 //! Reading order: [`algorithm1`] (the paper from top to bottom), then its pure leaves [`gae`], [`loss`], [`adam`] and
-//! [`minibatch`], the data they work on ([`rollout`]), what an update tells ([`report`]), the [`config`] and the
+//! [`minibatch`], the data they work on ([`rollout`]), what an update tells ([`report`]), what each
+//! behaviour does ([`behaviours`]), the [`config`] and the
 //! [`checkpoint`].
 //!
 //! Architecture invariant: nothing here logs, prints or reads a clock for a result. Seconds are measured, and kept apart
@@ -11,6 +12,7 @@
 
 pub mod adam;
 pub mod algorithm1;
+pub mod behaviours;
 pub mod checkpoint;
 pub mod config;
 mod error;
@@ -22,6 +24,7 @@ pub mod report;
 pub mod rollout;
 
 pub use algorithm1::Trainer;
+pub use behaviours::BehaviourReport;
 pub use config::{Config, NetworkSection};
 pub use error::PpoError;
 pub use report::{Clock, UpdateReport};

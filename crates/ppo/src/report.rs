@@ -1,5 +1,6 @@
 //! What one update tells: results, which are the same bytes in every repetition, and seconds, which are not.
 
+use jostle_sim::{Outcome, StepEnd};
 use serde::{Deserialize, Serialize};
 
 /// One update's measures, ready to be logged as one record.
@@ -61,6 +62,20 @@ pub struct EpisodeCounts {
     pub collision_agent: u64,
     /// Cut by the time limit.
     pub timeout: u64,
+}
+
+impl EpisodeCounts {
+    /// Counts an episode's end; a step that ends none changes nothing.
+    pub(crate) fn count(&mut self, end: StepEnd) {
+        match end {
+            StepEnd::Running => return,
+            StepEnd::Terminated(Outcome::Success) => self.success += 1,
+            StepEnd::Terminated(Outcome::CollisionWall) => self.collision_wall += 1,
+            StepEnd::Terminated(Outcome::CollisionAgent) => self.collision_agent += 1,
+            StepEnd::Truncated => self.timeout += 1,
+        }
+        self.ended += 1;
+    }
 }
 
 /// One discriminator on data it has not seen.

@@ -1,7 +1,7 @@
 //! The data of one update: preallocated buffers over T steps and A agents, step after step.
 
 use jostle_policy::Batch;
-use jostle_sim::{Outcome, Rooms, StepEnd};
+use jostle_sim::{Rooms, StepEnd};
 
 use crate::PpoError;
 use crate::gae::{self, StepFate};
@@ -146,15 +146,10 @@ impl Rollout {
                 StepEnd::Terminated(_) => StepFate::Terminated,
                 StepEnd::Truncated => StepFate::Truncated { bootstrap_value: 0.0 },
             });
-            let counts = &mut self.episodes;
-            match transition.end {
-                StepEnd::Running => continue,
-                StepEnd::Terminated(Outcome::Success) => counts.success += 1,
-                StepEnd::Terminated(Outcome::CollisionWall) => counts.collision_wall += 1,
-                StepEnd::Terminated(Outcome::CollisionAgent) => counts.collision_agent += 1,
-                StepEnd::Truncated => counts.timeout += 1,
+            if transition.end == StepEnd::Running {
+                continue;
             }
-            counts.ended += 1;
+            self.episodes.count(transition.end);
             if let Some(episode) = &transition.episode {
                 self.return_sum += episode.episode_return;
                 self.length_sum += f64::from(episode.steps);

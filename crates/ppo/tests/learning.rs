@@ -3,7 +3,7 @@
 mod common;
 
 use common::trainer;
-use jostle_ppo::{Trainer, UpdateReport};
+use jostle_ppo::{BehaviourReport, Trainer, UpdateReport};
 
 fn mean(reports: &[UpdateReport], of: impl Fn(&UpdateReport) -> f64) -> f64 {
     reports.iter().map(of).sum::<f64>() / reports.len() as f64
@@ -111,4 +111,35 @@ fn numbers_that_are_not_finite_stop_the_run_with_their_name() {
     let one_step = ["learning_rate=1e38", "minibatch=64", "epochs_policy=1", "epochs_value=1"];
     let error = trainer(&one_step).update().expect_err("parameters overflow").to_string();
     assert!(error.starts_with("update 1: actor."), "{error}");
+}
+
+#[test]
+fn behaviours_are_the_next_update_token_by_token() {
+    for variant in ["intrinsic_reward=difference", "intrinsic_reward=state"] {
+        let overrides = ["M=3", "R=4", variant, "network.log_std_init=-3"];
+        let after_ten = || {
+            let mut trainer = trainer(&overrides);
+            run(&mut trainer, 10);
+            trainer
+        };
+        let expected = after_ten().update().expect("finite numbers");
+        let found = after_ten().behaviours(1).expect("finite numbers");
+        assert_eq!(found.len(), 3);
+        let n: u64 = found.iter().map(|report| report.transitions).sum();
+        assert_eq!(n, 16 * 2 * 4);
+        let mean = |of: fn(&BehaviourReport) -> f64| {
+            found.iter().map(|report| report.transitions as f64 * of(report)).sum::<f64>() / n as f64
+        };
+        let close = |found: f64, expected: f64| assert!((found - expected).abs() < 1e-6, "{found} {expected}");
+        close(mean(|report| report.task_reward), expected.task_reward);
+        close(mean(|report| report.intrinsic_reward), expected.intrinsic_reward);
+        close(mean(|report| -report.log_q_state_action), expected.discriminator_state_action.loss);
+        close(mean(|report| -report.log_q_state), expected.discriminator_state.loss);
+        let count = |of: fn(&BehaviourReport) -> u64| found.iter().map(of).sum::<u64>();
+        assert!(expected.episodes.ended > 0);
+        assert_eq!(count(|report| report.episodes.ended), expected.episodes.ended);
+        assert_eq!(count(|report| report.episodes.success), expected.episodes.success);
+        assert_eq!(count(|report| report.episodes.timeout), expected.episodes.timeout);
+        assert!(found.iter().all(|report| (0.0..=1.0).contains(&report.speed)));
+    }
 }
