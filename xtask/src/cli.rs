@@ -6,8 +6,8 @@ use anyhow::Result;
 use clap::{Parser, Subcommand};
 
 use crate::{
-    behaviours, bench, chaos, ci, compare, config, conformance, demo, doctor, evaluate, fuzz, milestones, output, play,
-    plot, replay, reproduce, runs, ship, tensorboard, train, verify,
+    behaviours, bench, chaos, ci, compare, config, conformance, demo, doctor, evaluate, fuzz, milestones,
+    output, play, plot, replay, reproduce, runs, ship, tensorboard, train, verify,
 };
 
 /// Exit status of a command line that cannot be read.

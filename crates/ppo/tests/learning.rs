@@ -130,7 +130,8 @@ fn behaviours_are_the_next_update_token_by_token() {
         let mean = |of: fn(&BehaviourReport) -> f64| {
             found.iter().map(|report| report.transitions as f64 * of(report)).sum::<f64>() / n as f64
         };
-        let close = |found: f64, expected: f64| assert!((found - expected).abs() < 1e-6, "{found} {expected}");
+        let close =
+            |found: f64, expected: f64| assert!((found - expected).abs() < 1e-6, "{found} {expected}");
         close(mean(|report| report.task_reward), expected.task_reward);
         close(mean(|report| report.intrinsic_reward), expected.intrinsic_reward);
         close(mean(|report| -report.log_q_state_action), expected.discriminator_state_action.loss);

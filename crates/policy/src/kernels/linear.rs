@@ -300,7 +300,7 @@ impl Linear {
         let columns = &mut columns[..n_runs];
         let rows = |count: Count| Rows { chunks: count.segments, of_each: count.steps, dy_chunk, x_chunk };
         for (columns, (first, count)) in columns.iter_mut().zip(chunk_runs(chunks)) {
-            columns.of_columns(self.outputs, &dy[first * dy_chunk..], rows(count), stride);
+            columns.of_columns(isa, self.outputs, &dy[first * dy_chunk..], rows(count), stride);
         }
         if !columns.iter().all(Nonzeros::are_few) {
             return self.weight_gradient(isa, chunks, x, dy, gradient);

@@ -51,41 +51,44 @@ unsafe fn square_avx512(from: &[[f32; PANEL]], to: &mut [[f32; PANEL]]) {
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
 unsafe fn square_avx2(from: &[[f32; PANEL]], to: &mut [[f32; PANEL]]) {
-    use std::arch::x86_64::{
-        _mm256_loadu_ps, _mm256_permute2f128_ps, _mm256_shuffle_ps, _mm256_storeu_ps, _mm256_unpackhi_ps,
-        _mm256_unpacklo_ps,
-    };
+    use std::arch::x86_64::{_mm256_loadu_ps, _mm256_storeu_ps};
     const LANES: usize = 8;
     for i in (0..PANEL).step_by(LANES) {
         for j in (0..PANEL).step_by(LANES) {
             // SAFETY: 8 values from column j on are within a row of 32.
-            let rows: [_; LANES] =
-                std::array::from_fn(|row| unsafe { _mm256_loadu_ps(from[i + row][j..].as_ptr()) });
-            // Within each half of a register, then between the halves.
-            let pairs: [_; LANES] = std::array::from_fn(|at| {
-                let (upper, lower) = (rows[at / 2 * 2], rows[at / 2 * 2 + 1]);
-                if at % 2 == 0 { _mm256_unpacklo_ps(upper, lower) } else { _mm256_unpackhi_ps(upper, lower) }
-            });
-            let quads: [_; LANES] = std::array::from_fn(|at| {
-                let (upper, lower) = (pairs[at / 4 * 4 + at % 4 / 2], pairs[at / 4 * 4 + at % 4 / 2 + 2]);
-                if at % 2 == 0 {
-                    _mm256_shuffle_ps::<0x44>(upper, lower)
-                } else {
-                    _mm256_shuffle_ps::<0xEE>(upper, lower)
-                }
-            });
-            for column in 0..LANES {
-                let (upper, lower) = (quads[column % 4], quads[column % 4 + 4]);
-                let values = if column < 4 {
-                    _mm256_permute2f128_ps::<0x20>(upper, lower)
-                } else {
-                    _mm256_permute2f128_ps::<0x31>(upper, lower)
-                };
+            let rows = std::array::from_fn(|row| unsafe { _mm256_loadu_ps(from[i + row][j..].as_ptr()) });
+            for (column, values) in eight_by_eight(rows).into_iter().enumerate() {
                 // SAFETY: as for the loads.
                 unsafe { _mm256_storeu_ps(to[j + column][i..].as_mut_ptr(), values) };
             }
         }
     }
+}
+
+/// The columns of 8 rows of 8 values: pairs of rows are interleaved within each half of a register, then pairs of pairs, then
+/// halves are exchanged.
+#[cfg(target_arch = "x86_64")]
+#[inline]
+#[target_feature(enable = "avx2")]
+pub(super) fn eight_by_eight(rows: [std::arch::x86_64::__m256; 8]) -> [std::arch::x86_64::__m256; 8] {
+    use std::arch::x86_64::{
+        _mm256_permute2f128_ps, _mm256_shuffle_ps, _mm256_unpackhi_ps, _mm256_unpacklo_ps,
+    };
+    let mut quads = rows;
+    for (quads, rows) in quads.chunks_exact_mut(4).zip(rows.chunks_exact(4)) {
+        let low = [_mm256_unpacklo_ps(rows[0], rows[1]), _mm256_unpacklo_ps(rows[2], rows[3])];
+        let high = [_mm256_unpackhi_ps(rows[0], rows[1]), _mm256_unpackhi_ps(rows[2], rows[3])];
+        quads[0] = _mm256_shuffle_ps::<0x44>(low[0], low[1]);
+        quads[1] = _mm256_shuffle_ps::<0xEE>(low[0], low[1]);
+        quads[2] = _mm256_shuffle_ps::<0x44>(high[0], high[1]);
+        quads[3] = _mm256_shuffle_ps::<0xEE>(high[0], high[1]);
+    }
+    let mut columns = quads;
+    for c in 0..4 {
+        columns[c] = _mm256_permute2f128_ps::<0x20>(quads[c], quads[c + 4]);
+        columns[c + 4] = _mm256_permute2f128_ps::<0x31>(quads[c], quads[c + 4]);
+    }
+    columns
 }
 
 #[cfg(test)]
