@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use anyhow::{Result, bail};
+use anyhow::Result;
 use clap::Args;
 use jostle_eval::report::grid::Grid;
 use jostle_eval::statistics::wilson;
@@ -13,19 +13,18 @@ use jostle_ppo::{Config, UpdateReport};
 use crate::compare::settings;
 use crate::output;
 use crate::runs::log::RunLog;
-use crate::runs::search;
+use crate::runs::logs;
 use crate::train::short;
 
-/// How deep folders are searched for runs.
-const DEPTH: usize = 3;
 /// Keys that say nothing about the curve's shape, or that the run's own columns show.
 const LEFT_OUT: [&str; 5] = ["seed", "updates", "checkpoint_every", "threads", "n_behaviours"];
 
 /// Arguments of `milestones`.
 #[derive(Args)]
-#[command(after_help = "Example:\n  cargo xtask milestones runs --at 250,500,1000 --window 100")]
+#[command(after_help = "Examples:\n  cargo xtask milestones runs --at 250,500,1000 --window 100\n  \
+    cargo xtask milestones checkpoints --at 1000,5000")]
 pub(crate) struct MilestonesArgs {
-    /// Run folders, or folders of run folders.
+    /// Run folders, folders of run folders, or the folder of shipped policies.
     #[arg(required = true)]
     runs: Vec<PathBuf>,
     /// Updates to report.
@@ -38,15 +37,7 @@ pub(crate) struct MilestonesArgs {
 
 /// Prints two Markdown tables: what the runs vary, and their measures.
 pub(crate) fn run(args: &MilestonesArgs) -> Result<ExitCode> {
-    let mut folders = Vec::new();
-    for folder in &args.runs {
-        let before = folders.len();
-        search(folder, DEPTH, &mut folders)?;
-        if folders.len() == before {
-            bail!("no run under {}; `cargo xtask train` makes one", folder.display());
-        }
-    }
-    let runs = folders.iter().map(|folder| RunLog::read(folder)).collect::<Result<Vec<_>>>()?;
+    let runs = logs(&args.runs.iter().collect::<Vec<_>>())?;
     let text = format!(
         "{}\nMeans over the {} updates up to the one named; success with its 95 % interval.\n\n{}",
         settings_grid(&runs)?.markdown(),

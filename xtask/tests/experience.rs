@@ -5,6 +5,7 @@ mod common;
 use std::fs;
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::net::TcpStream;
+use std::path::Path;
 use std::process::{Command, Stdio};
 
 use common::tiny::finished_run;
@@ -192,6 +193,28 @@ fn milestones_stand_where_the_log_has_them() {
     assert!(row(5).is_none(), "the run has four updates: {printed}");
     assert!(printed.contains("`horizon="), "what the run varies: {printed}");
     refused(&["milestones", "nowhere"], &["nowhere"]);
+}
+
+#[test]
+fn shipped_curves_are_drawn_and_read_like_runs() {
+    let folder = tempfile::tempdir().unwrap();
+    let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("../checkpoints");
+    accepted(&["plot", text(&shipped), "--window", "100", "--out", text(folder.path())]);
+    let curves = fs::read_to_string(folder.path().join("curves.svg")).unwrap();
+    check_svg(&curves);
+    // The pool's seeds are those of the baseline's setting: one curve.
+    assert!(curves.contains("m1-seed1 and ") && curves.contains("m5-seed1"), "labels");
+
+    let printed = accepted(&["milestones", text(&shipped), "--at", "5000", "--window", "100"]);
+    let curve = fs::read_to_string(shipped.join("curves/m1-seed1.csv")).unwrap();
+    let (mut ended, mut success) = (0.0, 0.0);
+    for line in curve.lines().rev().take(4) {
+        let fields: Vec<f64> = line.split(',').map(|field| field.parse().unwrap()).collect();
+        assert_eq!(fields[1], 25.0, "four windows are 100 updates");
+        (ended, success) = (ended + fields[2], success + fields[3]);
+    }
+    let row = printed.lines().find(|line| line.starts_with("| m1-seed1 | 5000 |")).expect("a row");
+    assert!(row.contains(&format!("| {:.3} [", success / ended)), "{row}: {success} of {ended}");
 }
 
 #[test]

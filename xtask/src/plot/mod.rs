@@ -11,7 +11,7 @@ mod tokens;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::{Context as _, Result, bail, ensure};
+use anyhow::{Context as _, Result, ensure};
 use clap::Args;
 use jostle_eval::report::{Evaluation, SuccessTable};
 
@@ -19,19 +19,17 @@ use self::curves::{groups, panels};
 use self::draw::paths::PathFigure;
 use crate::output;
 use crate::runs::log::RunLog;
-use crate::runs::search;
-
-/// How deep a folder is searched for runs.
-const DEPTH: usize = 5;
+use crate::runs::logs;
 
 /// Arguments of `plot`.
 #[derive(Args)]
 #[command(after_help = "Examples:\n  cargo xtask plot runs/ours runs/baseline\n  \
-    cargo xtask plot runs --window 200 --out figures --png\n  cargo xtask plot results/table1/table1.json\n  \
+    cargo xtask plot runs --window 200 --out figures --png\n  cargo xtask plot checkpoints --window 100\n  \
+    cargo xtask plot results/table1/table1.json\n  \
     cargo xtask plot runs/evaluation/ours-z0.json runs/evaluation/ours-z1.json\n\n\
     Runs that differ in their seed alone are one curve: the mean, in a band from the least to the greatest.")]
 pub(crate) struct PlotArgs {
-    /// Run folders, folders of run folders, or JSON files: a table of success rates, what `evaluate` wrote for the tokens
+    /// Run folders, folders of run folders, the folder of shipped policies, or JSON files: a table of success rates, what `evaluate` wrote for the tokens
     /// of a policy, the ways of a robot.
     #[arg(required = true)]
     what: Vec<PathBuf>,
@@ -78,23 +76,13 @@ pub(crate) fn run(args: &PlotArgs) -> Result<ExitCode> {
 
 /// The runs at or below the folders that have made an update.
 fn runs(folders: &[&PathBuf]) -> Result<Vec<RunLog>> {
-    let mut found = Vec::new();
-    for folder in folders {
-        let before = found.len();
-        search(folder, DEPTH, &mut found)?;
-        if found.len() == before {
-            bail!("{} holds no run; name a folder that `train` made", folder.display());
-        }
-    }
-    let mut runs = Vec::new();
-    for folder in found {
-        let run = RunLog::read(&folder)?;
+    let mut runs = logs(folders)?;
+    runs.retain(|run| {
         if run.reports.is_empty() {
-            output::note(&format!("{}: no update was made yet; left out", folder.display()));
-        } else {
-            runs.push(run);
+            output::note(&format!("{}: no update was made yet; left out", run.folder.display()));
         }
-    }
+        !run.reports.is_empty()
+    });
     ensure!(!runs.is_empty(), "no run has made an update yet");
     Ok(runs)
 }

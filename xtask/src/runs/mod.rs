@@ -5,12 +5,14 @@ pub(crate) mod log;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::{Context as _, Result};
+use anyhow::{Context as _, Result, bail};
 use clap::Args;
 
 use self::log::{RunLog, State};
 use crate::output;
 use crate::run_folder::is_run_folder;
+use crate::ship::curve;
+use crate::ship::manifest::{Manifest, RunEntry};
 use crate::train::short;
 
 /// How deep folders are searched for runs.
@@ -86,6 +88,45 @@ pub(crate) fn search(folder: &Path, depth: usize, found: &mut Vec<PathBuf>) -> R
         .with_context(cannot_list)?;
     entries.sort();
     entries.iter().filter(|path| path.is_dir()).try_for_each(|path| search(path, depth - 1, found))
+}
+
+/// The runs at or below folders; a folder of shipped policies has the curves that are shipped with them, in windows of updates.
+///
+/// # Errors
+/// A folder without a run, and runs that cannot be read.
+pub(crate) fn logs(folders: &[&PathBuf]) -> Result<Vec<RunLog>> {
+    let mut logs = Vec::new();
+    for folder in folders {
+        let before = logs.len();
+        if let Some(manifest) = Manifest::load_optional(folder)? {
+            for run in &manifest.runs {
+                logs.push(shipped(folder, run)?);
+            }
+        } else {
+            let mut found = Vec::new();
+            search(folder, DEPTH, &mut found)?;
+            for folder in found {
+                logs.push(RunLog::read(&folder)?);
+            }
+        }
+        if logs.len() == before {
+            bail!("{} holds no run; name a folder that `train` or `ship` made", folder.display());
+        }
+    }
+    Ok(logs)
+}
+
+fn shipped(folder: &Path, run: &RunEntry) -> Result<RunLog> {
+    let text = run.curve.read(folder)?;
+    let reports = curve::reports(&text, (run.config.horizon * run.config.agents_total()) as u64)
+        .with_context(|| format!("{}", folder.join(&run.curve.file).display()))?;
+    Ok(RunLog {
+        folder: folder.to_owned(),
+        name: run.name.clone(),
+        config: run.config.clone(),
+        reports,
+        torn: false,
+    })
 }
 
 /// Rows of cells as text in columns; a short row fills what it has.

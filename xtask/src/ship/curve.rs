@@ -2,7 +2,8 @@
 
 use anyhow::{Context as _, Result, ensure};
 use jostle_eval::report::grid::csv_line;
-use jostle_ppo::UpdateReport;
+use jostle_ppo::report::{DiscriminatorReport, EpisodeCounts};
+use jostle_ppo::{Clock, UpdateReport};
 use serde_json::Value;
 
 /// Updates that are shipped to the byte.
@@ -94,9 +95,117 @@ pub(crate) fn windows(reports: &[UpdateReport]) -> String {
     text
 }
 
+/// A curve as update reports again: what [`windows`] wrote, each window as so many reports of its means, its episodes in the
+/// last of them. Sums and means over whole windows are the run's own, to six digits; nothing within a window is. What a curve
+/// does not hold is `None` or 0.
+///
+/// # Errors
+/// A text that is no curve: names the line and the column.
+pub(crate) fn reports(text: &str, transitions_of_update: u64) -> Result<Vec<UpdateReport>> {
+    let mut lines = text.lines();
+    let heads: Vec<&str> =
+        lines.next().context("found nothing, expected a line of columns")?.split(',').collect();
+    let mut reports = Vec::new();
+    for (index, line) in lines.enumerate() {
+        let fields: Vec<&str> = line.split(',').collect();
+        let field = |name: &str| {
+            let at = heads.iter().position(|head| *head == name);
+            at.and_then(|at| fields.get(at).copied())
+                .with_context(|| format!("line {}: column {name}: found nothing", index + 2))
+        };
+        let number = |name: &str| -> Result<f64> {
+            let found = field(name)?;
+            let bad = || format!("line {}: column {name}: found {found}, expected a number", index + 2);
+            found.parse().with_context(bad)
+        };
+        let count = |name: &str| -> Result<u64> {
+            let found = field(name)?;
+            let bad = || format!("line {}: column {name}: found {found}, expected a count", index + 2);
+            found.parse().with_context(bad)
+        };
+        let (last, updates) = (count("update")?, count("updates")?);
+        let end = reports.len() as u64 + updates;
+        ensure!(
+            updates > 0 && last == end,
+            "line {}: column update: found {last}, expected {end}",
+            index + 2
+        );
+        let discriminator = |loss, accuracy| -> Result<DiscriminatorReport> {
+            Ok(DiscriminatorReport { loss: number(loss)?, accuracy: number(accuracy)? })
+        };
+        let means = UpdateReport {
+            update: 0,
+            transitions: 0,
+            task_reward: number("task_reward")?,
+            intrinsic_reward: number("intrinsic_reward")?,
+            episodes: EpisodeCounts::default(),
+            episode_return: None,
+            episode_length: None,
+            discriminator_state_action: discriminator("loss_state_action", "accuracy_state_action")?,
+            discriminator_state: discriminator("loss_state", "accuracy_state")?,
+            diversity: number("diversity")?,
+            value_loss: number("value_loss")?,
+            explained_variance: number("explained_variance")?,
+            policy_loss: number("policy_loss")?,
+            approx_kl: number("approx_kl")?,
+            clip_fraction: number("clip_fraction")?,
+            first_ratio_deviation: 0.0,
+            entropy: number("entropy")?,
+            log_std: [number("log_std_v")? as f32, number("log_std_w")? as f32],
+            clock: Clock { total: number("seconds")?, ..Clock::default() },
+        };
+        for update in last - updates + 1..=last {
+            reports.push(UpdateReport {
+                update,
+                transitions: update * transitions_of_update,
+                ..means.clone()
+            });
+        }
+        let episodes = EpisodeCounts {
+            ended: count("ended")?,
+            success: count("success")?,
+            collision_wall: count("collision_wall")?,
+            collision_agent: count("collision_agent")?,
+            timeout: count("timeout")?,
+        };
+        reports.last_mut().expect("a window has updates").episodes = episodes;
+    }
+    Ok(reports)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_curve_reads_back_as_it_was_written() {
+        let head = "update,updates,ended,success,collision_wall,collision_agent,timeout,task_reward,intrinsic_reward,\
+            loss_state_action,accuracy_state_action,loss_state,accuracy_state,diversity,value_loss,explained_variance,\
+            policy_loss,approx_kl,clip_fraction,entropy,log_std_v,log_std_w,seconds";
+        let line =
+            |update: usize, first: &str| format!("{update},1,3,1,1,0,1,{first}{}", ",2.50000e-1".repeat(15));
+        let text = format!("{head}\n{}\n{}\n", line(1, "1.00000e0"), line(2, "-5.00000e-1"));
+        let read = reports(&text, 640).unwrap();
+        assert_eq!((read.len(), read[1].transitions, read[1].task_reward), (2, 1280, -0.5));
+        assert_eq!((read[0].episodes.ended, read[0].diversity, read[0].log_std), (3, 0.25, [0.25; 2]));
+        assert_eq!(windows(&read), text);
+
+        let wide = text.lines().next().unwrap().to_owned()
+            + "\n"
+            + &line(25, "1.00000e0").replace("25,1,", "25,25,");
+        let read = reports(&wide, 640).unwrap();
+        assert_eq!(read.len(), 25);
+        assert_eq!(read.iter().map(|report| report.episodes.ended).sum::<u64>(), 3);
+        assert!(read.iter().all(|report| report.task_reward == 1.0));
+
+        let refused = |from: &str, to: &str, named: &str| {
+            let error = format!("{:#}", reports(&text.replacen(from, to, 1), 640).unwrap_err());
+            assert!(error.contains(named), "{error}");
+        };
+        refused("diversity", "other", "line 2: column diversity: found nothing");
+        refused("1.00000e0", "many", "line 2: column task_reward: found many, expected a number");
+        refused("\n2,1,", "\n3,1,", "line 3: column update: found 3, expected 2");
+    }
 
     #[test]
     fn the_clock_alone_is_cut_off() {
