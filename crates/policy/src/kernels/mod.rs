@@ -10,7 +10,7 @@
 //! # Determinism
 //!
 //! Work is divided at boundaries that depend on sizes alone, and every sum is made in one order: results have the same
-//! bits at any number of threads. They differ between instruction sets, which fuse multiply-adds or not.
+//! bits at any number of threads, and with AVX-512 as with AVX2. Plain Rust does not fuse multiply-adds and rounds otherwise.
 
 #![allow(unsafe_code)] // Vector intrinsics; see above.
 
