@@ -304,7 +304,8 @@ impl Trainer {
             return Err(PpoError::NotFinite { update, tensor, agent: None });
         }
         let (gamma, gae_lambda) = (self.config.gamma, self.config.gae_lambda);
-        self.rollout.estimate_advantages(&values, self.config.alpha, (gamma, gae_lambda));
+        let weight = (self.config.alpha, self.config.alpha_weighs);
+        self.rollout.estimate_advantages(&values, weight, (gamma, gae_lambda));
         gae::normalise(&mut self.rollout.advantages);
         Ok(explained_variance(&self.rollout.values, &self.rollout.returns))
     }

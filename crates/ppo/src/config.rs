@@ -76,6 +76,9 @@ pub struct Config {
     /// Weight α of the intrinsic reward; ≥ 0. Default 0.1 (paper; its ablations use 0.01 for `state_action` and 0.03
     /// for `state`).
     pub alpha: f64,
+    /// What α weighs: the intrinsic `reward` of a step (the paper's Algorithm 1, line 8) or the intrinsic `advantage` (the
+    /// paper's table calls α "advantage weight"). Default `reward`.
+    pub alpha_weighs: AlphaWeighs,
     /// `difference` (paper), `state_action`, `state` (DIAYN) or `none`.
     pub intrinsic_reward: IntrinsicReward,
     /// Whether log M is added to the rewards `state_action` and `state`, as DIAYN does. Default false.
@@ -88,6 +91,19 @@ pub struct Config {
     pub network: NetworkSection,
     /// Both discriminators.
     pub discriminator: DiscriminatorConfig,
+}
+
+/// What the weight α stands before.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum AlphaWeighs {
+    /// The intrinsic reward of each step: r + α·`r_int`, one advantage, one value function of both.
+    #[default]
+    Reward,
+    /// The intrinsic advantage: `Â + α·Â_int`, each normalised over the rollout, so that α is a share whatever the scale of the
+    /// rewards. `Â_int` is the sum of intrinsic rewards to the episode's end, discounted by γλ, without a value function; V is
+    /// that of the task.
+    Advantage,
 }
 
 /// The sizes of actor and critic that do not follow from other sections.
@@ -138,6 +154,7 @@ impl Default for Config {
             ent_coef: 5e-4,
             max_grad_norm: 0.0,
             alpha: 0.1,
+            alpha_weighs: AlphaWeighs::default(),
             intrinsic_reward: IntrinsicReward::default(),
             add_log_m: false,
             bootstrap_truncation: false,
@@ -174,7 +191,8 @@ impl Config {
     }
 
     /// The resolved configuration as TOML, without `updates`, `checkpoint_every` and `threads`: what a checkpoint
-    /// holds. Reading it back gives this configuration with those three at their defaults.
+    /// holds. Reading it back gives this configuration with those three at their defaults. `alpha_weighs`, which is younger than
+    /// the first shipped policies, is left out at its default, so that theirs keep their hash.
     ///
     /// # Panics
     ///
@@ -183,6 +201,9 @@ impl Config {
         let mut table = toml::Table::try_from(self).expect("a validated configuration fits TOML");
         for key in KEYS_WITHOUT_EFFECT {
             table.remove(key);
+        }
+        if self.alpha_weighs == AlphaWeighs::default() {
+            table.remove("alpha_weighs");
         }
         toml::to_string(&table).expect("a table is TOML")
     }
@@ -214,5 +235,7 @@ mod tests {
         assert_eq!(same.hash(), hash);
         assert_ne!(Config { alpha: 0.2, ..Config::default() }.hash(), hash);
         assert_ne!(Config { seed: 2, ..Config::default() }.hash(), hash);
+        assert_ne!(Config { alpha_weighs: AlphaWeighs::Advantage, ..Config::default() }.hash(), hash);
+        assert!(!Config::default().canonical_toml().contains("alpha_weighs"));
     }
 }

@@ -25,6 +25,6 @@ pub mod rollout;
 
 pub use algorithm1::Trainer;
 pub use behaviours::BehaviourReport;
-pub use config::{Config, NetworkSection};
+pub use config::{AlphaWeighs, Config, NetworkSection};
 pub use error::PpoError;
 pub use report::{Clock, UpdateReport};

@@ -4,6 +4,7 @@ use jostle_policy::Batch;
 use jostle_sim::{Rooms, StepEnd};
 
 use crate::PpoError;
+use crate::config::AlphaWeighs;
 use crate::gae::{self, StepFate};
 use crate::report::EpisodeCounts;
 
@@ -175,12 +176,20 @@ impl Rollout {
         }
     }
 
-    /// Algorithm 1, line 9, for each agent's own sequence: advantages of r + α·intrinsic, and the value targets.
+    /// Algorithm 1, line 9, for each agent's own sequence: advantages and the value targets.
+    ///
+    /// Where α weighs rewards, of r + α·intrinsic; where it weighs advantages, those of r, normalised, plus α times those of the
+    /// intrinsic rewards, normalised, and targets of r alone.
     ///
     /// # Shapes
     ///
     /// `values` is [T·A + A (+ truncations)], as [`Self::rows_to_value`] orders them.
-    pub(crate) fn estimate_advantages(&mut self, values: &[f32], alpha: f64, discounts: (f64, f64)) {
+    pub(crate) fn estimate_advantages(
+        &mut self,
+        values: &[f32],
+        (alpha, weighs): (f64, AlphaWeighs),
+        discounts: (f64, f64),
+    ) {
         let (n, n_agents) = (self.len(), self.n_agents);
         let (acted, behind) = values.split_at(n);
         let (last, truncations) = behind.split_at(n_agents);
@@ -189,11 +198,12 @@ impl Rollout {
         for ((row, _), &v) in self.truncated.iter().zip(truncations) {
             self.fates[*row] = StepFate::Truncated { bootstrap_value: f64::from(v) };
         }
+        let of_reward = if weighs == AlphaWeighs::Reward { alpha } else { 0.0 };
         let mut sequence = Sequence::new(self.n_steps);
         for (agent, &last_value) in last.iter().enumerate() {
             for t in 0..self.n_steps {
                 let row = t * n_agents + agent;
-                sequence.rewards[t] = self.rewards[row] + alpha * self.intrinsic[row];
+                sequence.rewards[t] = self.rewards[row] + of_reward * self.intrinsic[row];
                 (sequence.values[t], sequence.fates[t]) = (self.values[row], self.fates[row]);
             }
             sequence.advantages(f64::from(last_value), discounts);
@@ -203,6 +213,32 @@ impl Rollout {
                 self.returns[row] = advantage + self.values[row];
             }
         }
+        if weighs == AlphaWeighs::Advantage {
+            self.add_intrinsic_advantages(alpha, discounts);
+        }
+    }
+
+    /// Normalises the advantages and adds α times the normalised ones of the intrinsic rewards.
+    fn add_intrinsic_advantages(&mut self, alpha: f64, discounts: (f64, f64)) {
+        let mut intrinsic = vec![0.0; self.len()];
+        let mut sequence = Sequence::new(self.n_steps);
+        for agent in 0..self.n_agents {
+            for t in 0..self.n_steps {
+                let row = t * self.n_agents + agent;
+                sequence.rewards[t] = self.intrinsic[row];
+                sequence.fates[t] = match self.fates[row] {
+                    StepFate::Truncated { .. } => StepFate::Terminated,
+                    fate => fate,
+                };
+            }
+            sequence.advantages(0.0, discounts);
+            for (t, &advantage) in sequence.advantages.iter().enumerate() {
+                intrinsic[t * self.n_agents + agent] = advantage;
+            }
+        }
+        gae::normalise(&mut self.advantages);
+        gae::normalise(&mut intrinsic);
+        self.advantages.iter_mut().zip(&intrinsic).for_each(|(sum, advantage)| *sum += alpha * advantage);
     }
 
     /// A sum over the ended episodes as a mean.
@@ -228,5 +264,59 @@ impl Sequence {
     fn advantages(&mut self, last_value: f64, discounts: (f64, f64)) {
         let Self { rewards, values, fates, advantages } = self;
         gae::advantages(rewards, values, fates, last_value, discounts, advantages);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two agents, three steps each; agent 0's episode ends at its second step.
+    fn rollout() -> Rollout {
+        let mut rollout = Rollout::new(3, 2, 1);
+        rollout.rewards = vec![1.0, 0.0, 2.0, 1.0, -1.0, 3.0];
+        rollout.intrinsic = vec![0.5, 0.0, 0.25, 1.0, 0.0, 2.0];
+        rollout.fates = vec![StepFate::Running; 6];
+        rollout.fates[2] = StepFate::Truncated { bootstrap_value: 0.0 };
+        rollout
+    }
+
+    const VALUES: [f32; 8] = [0.5, 1.0, -0.5, 2.0, 1.0, 0.25, 3.0, -1.0];
+    const HALF: (f64, f64) = (0.5, 1.0);
+
+    fn advantages(alpha: f64, weighs: AlphaWeighs, scale: f64) -> (Vec<f64>, Vec<f64>) {
+        let mut rollout = rollout();
+        rollout.intrinsic.iter_mut().for_each(|reward| *reward *= scale);
+        rollout.estimate_advantages(&VALUES, (alpha, weighs), HALF);
+        (rollout.advantages, rollout.returns)
+    }
+
+    #[test]
+    fn weighed_rewards_are_one_reward() {
+        let (found, returns) = advantages(2.0, AlphaWeighs::Reward, 1.0);
+        // γ = 0.5, λ = 1. Agent 0: r + 2·int = 2, 2.5 | −1 with V = 0.5, −0.5 | 1 and 3 behind the last step.
+        assert_eq!([found[0], found[2], found[4]], [2.0 + 0.5 * 2.5 - 0.5, 2.5 + 0.5, -1.0 + 1.5 - 1.0]);
+        assert_eq!(returns[0], found[0] + 0.5);
+    }
+
+    #[test]
+    fn weighed_advantages_are_shares_whatever_the_scale() {
+        let (task, targets) = advantages(0.0, AlphaWeighs::Reward, 1.0);
+        let (found, returns) = advantages(0.25, AlphaWeighs::Advantage, 1.0);
+        assert_eq!(returns, targets, "V is the task's");
+        // Discounted intrinsic rewards to the episode's end: agent 0: 0.5 + 0.5·0.25, 0.25 | 0; agent 1: 0 + 0.5·2, 2, 2.
+        let mut intrinsic = vec![0.625, 1.0, 0.25, 2.0, 0.0, 2.0];
+        let mut expected = task;
+        gae::normalise(&mut expected);
+        gae::normalise(&mut intrinsic);
+        for (sum, part) in expected.iter_mut().zip(&intrinsic) {
+            *sum += 0.25 * part;
+        }
+        assert_eq!(found, expected);
+        for (louder, found) in advantages(0.25, AlphaWeighs::Advantage, 1e3).0.iter().zip(&found) {
+            assert!((louder - found).abs() < 1e-6, "{louder} {found}");
+        }
+        let (silent, _) = advantages(0.25, AlphaWeighs::Advantage, 0.0);
+        assert!(silent.iter().sum::<f64>().abs() < 1e-9, "no intrinsic reward: the task's advantages alone");
     }
 }
