@@ -6,11 +6,11 @@ use std::process::ExitCode;
 use anyhow::{Context as _, Result, ensure};
 use clap::Args;
 use jostle_eval::report::grid::Grid;
-use jostle_eval::statistics::wilson;
 use jostle_ppo::{BehaviourReport, Trainer};
 
+use crate::milestones::{share, success};
 use crate::output;
-use crate::run_folder::{is_run_folder, latest_checkpoint};
+use crate::policies::checkpoint;
 use crate::train::short;
 
 /// Arguments of `behaviours`.
@@ -30,7 +30,7 @@ pub(crate) fn run(args: &BehavioursArgs) -> Result<ExitCode> {
     ensure!(args.rollouts > 0, "--rollouts: found 0, expected at least 1");
     let given = &args.checkpoint;
     ensure!(given.exists(), "{}: found nothing, expected a run folder or a checkpoint", given.display());
-    let path = if is_run_folder(given) { latest_checkpoint(given)? } else { given.clone() };
+    let path = checkpoint(given)?;
     let trainer = Trainer::resume(&path).with_context(|| format!("cannot look at {}", path.display()))?;
     let (updates, config) = (trainer.updates_done(), trainer.config().clone());
     let reports = trainer.behaviours(args.rollouts)?;
@@ -39,7 +39,7 @@ pub(crate) fn run(args: &BehavioursArgs) -> Result<ExitCode> {
         path.display(),
         short(&config.hash()),
         args.rollouts,
-        config.horizon * config.agents_total(),
+        config.rollout_len(),
         config.alpha,
         grid(&reports, config.alpha).markdown()
     );
@@ -63,25 +63,14 @@ fn grid(reports: &[BehaviourReport], alpha: f64) -> Grid {
     ]);
     for (token, report) in reports.iter().enumerate() {
         let episodes = &report.episodes;
-        let share = |count: u64| match episodes.ended {
-            0 => "–".to_owned(),
-            ended => format!("{:.2}", count as f64 / ended as f64),
-        };
-        let success = wilson(episodes.success, episodes.ended).map_or_else(
-            || "–".to_owned(),
-            |interval| {
-                let rate = episodes.success as f64 / episodes.ended as f64;
-                format!("{rate:.2} [{:.2}, {:.2}]", interval.low, interval.high)
-            },
-        );
         grid.push(
             false,
             vec![
                 token.to_string(),
                 episodes.ended.to_string(),
-                success,
-                share(episodes.collision_wall + episodes.collision_agent),
-                share(episodes.timeout),
+                success(episodes, 2),
+                share(episodes.collision_wall + episodes.collision_agent, episodes),
+                share(episodes.timeout, episodes),
                 format!("{:.2}", report.speed),
                 format!("{:.2}", report.turn_rate),
                 format!("{:.3}", report.task_reward),

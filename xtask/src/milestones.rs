@@ -94,7 +94,8 @@ fn measures_grid(runs: &[RunLog], at: &[usize], window: usize) -> Grid {
     for run in runs {
         for &end in at.iter().filter(|&&end| end <= run.reports.len()) {
             let counts = run.episodes(end, window);
-            let mut row = vec![run.name.clone(), end.to_string(), success(&counts), timeouts(&counts)];
+            let mut row =
+                vec![run.name.clone(), end.to_string(), success(&counts, 3), share(counts.timeout, &counts)];
             for (_, digits, measure) in MEASURES {
                 let mean = run.mean(end, window, |report| Some(measure(report)));
                 row.push(mean.map_or_else(|| "–".to_owned(), |mean| format!("{mean:.digits$}")));
@@ -105,20 +106,21 @@ fn measures_grid(runs: &[RunLog], at: &[usize], window: usize) -> Grid {
     grid
 }
 
-fn success(counts: &EpisodeCounts) -> String {
+/// Share of the ended episodes that reached their goal, with its 95 % interval.
+pub(crate) fn success(counts: &EpisodeCounts, digits: usize) -> String {
     wilson(counts.success, counts.ended).map_or_else(
         || "–".to_owned(),
         |interval| {
             let rate = counts.success as f64 / counts.ended as f64;
-            format!("{rate:.3} [{:.3}, {:.3}]", interval.low, interval.high)
+            format!("{rate:.digits$} [{:.digits$}, {:.digits$}]", interval.low, interval.high)
         },
     )
 }
 
-/// Share of the ended episodes that the time limit cut.
-fn timeouts(counts: &EpisodeCounts) -> String {
+/// Share of so many of the ended episodes.
+pub(crate) fn share(of: u64, counts: &EpisodeCounts) -> String {
     if counts.ended == 0 {
         return "–".to_owned();
     }
-    format!("{:.2}", counts.timeout as f64 / counts.ended as f64)
+    format!("{:.2}", of as f64 / counts.ended as f64)
 }

@@ -82,7 +82,7 @@ pub struct Trainer {
     /// Means of the present step's actions, one for each agent.
     means: Vec<[f32; 2]>,
     /// Rows [observation | action] of the rollout, for `q_state_action`.
-    pub(crate) state_action: Vec<f32>,
+    state_action: Vec<f32>,
     pub(crate) pool: Arc<ThreadPool>,
 }
 
@@ -184,7 +184,12 @@ impl Trainer {
         }
         self.rollout.push_observations(&self.rooms, self.update)?;
         clock.rollout = start.elapsed().as_secs_f64();
-        let [on_state_action, on_state] = self.add_intrinsic_reward(); // Alg. 1, line 8
+        let logits = self.judge();
+        self.add_intrinsic_reward(&logits); // Alg. 1, line 8
+        let [on_state_action, on_state] = logits.map(|logits| {
+            let measured = cross_entropy::evaluate(&logits, self.rollout.tokens());
+            DiscriminatorReport { loss: measured.loss, accuracy: measured.accuracy }
+        });
         let explained_variance = self.estimate_advantages()?; // Alg. 1, line 9
         let diversity = self.measure_diversity();
         clock.evaluation = start.elapsed().as_secs_f64() - clock.rollout;
@@ -260,35 +265,35 @@ impl Trainer {
         Ok(())
     }
 
-    /// Line 8, and what the discriminators are worth on data that they have not seen: q(z|s,a), q(z|s).
-    pub(crate) fn add_intrinsic_reward(&mut self) -> [DiscriminatorReport; 2] {
-        let rollout = &mut self.rollout;
+    /// Logits of q(z|s,a) and q(z|s) on the rollout, which they have not seen.
+    pub(crate) fn judge(&mut self) -> [Vec<f32>; 2] {
+        let rollout = &self.rollout;
         let shown = match self.config.discriminator.action {
             ActionInput::Executed => &rollout.executed,
             ActionInput::Raw => &rollout.actions,
         };
         let scale = self.config.discriminator.action_scale;
         state_action_rows(rollout.observations(), shown, scale, &mut self.state_action);
-        let m = self.config.n_behaviours;
-        let (mut on_state_action, mut on_state) =
-            (vec![0.0; rollout.len() * m], vec![0.0; rollout.len() * m]);
+        let len = rollout.len() * self.config.n_behaviours;
+        let (mut on_state_action, mut on_state) = (vec![0.0; len], vec![0.0; len]);
         let (tokens, q_sa, q_s) = (rollout.tokens(), &mut self.q_state_action, &mut self.q_state);
         rayon::join(
             || q_sa.network.infer(Batch::new(&self.state_action, tokens), &mut on_state_action),
             || q_s.network.infer(Batch::new(rollout.observations(), tokens), &mut on_state),
         );
-        let reports = [&on_state_action, &on_state].map(|logits| {
-            let measured = cross_entropy::evaluate(logits, tokens);
-            DiscriminatorReport { loss: measured.loss, accuracy: measured.accuracy }
-        });
+        [on_state_action, on_state]
+    }
+
+    /// Line 8, by the logits of q(z|s,a) and q(z|s).
+    pub(crate) fn add_intrinsic_reward(&mut self, [on_state_action, on_state]: &[Vec<f32>; 2]) {
+        let (rollout, m) = (&mut self.rollout, self.config.n_behaviours);
         let log_q =
             |logits: &[f32], row: usize, token| log_softmax_at(&logits[row * m..(row + 1) * m], token);
         for row in 0..rollout.len() {
             let token = rollout.tokens()[row];
-            let (sa, s) = (log_q(&on_state_action, row, token), log_q(&on_state, row, token));
+            let (sa, s) = (log_q(on_state_action, row, token), log_q(on_state, row, token));
             rollout.intrinsic[row] = self.config.intrinsic_reward.of(sa, s, self.config.add_log_m, m);
         }
-        reports
     }
 
     /// Line 9; returns the explained variance of the values.

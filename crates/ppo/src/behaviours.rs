@@ -6,7 +6,6 @@
 use std::sync::Arc;
 
 use jostle_diversity::cross_entropy::log_softmax_at;
-use jostle_policy::Batch;
 use serde::{Deserialize, Serialize};
 
 use crate::algorithm1::Trainer;
@@ -87,19 +86,16 @@ impl Trainer {
                 report.task_reward += f64::from(transition.reward);
             }
         }
-        self.add_intrinsic_reward();
-        let m = self.config.n_behaviours;
-        let mut logits = vec![0.0; self.rollout.len() * m];
-        let tokens = self.rollout.tokens();
+        let logits = self.judge();
+        self.add_intrinsic_reward(&logits);
+        let (m, tokens) = (self.config.n_behaviours, self.rollout.tokens());
         let mut add = |to: fn(&mut BehaviourReport) -> &mut f64, logits: &[f32]| {
             for (&token, logits) in tokens.iter().zip(logits.chunks_exact(m)) {
                 *to(&mut reports[token as usize]) += log_softmax_at(logits, token);
             }
         };
-        self.q_state_action.network.infer(Batch::new(&self.state_action, tokens), &mut logits);
-        add(|report| &mut report.log_q_state_action, &logits);
-        self.q_state.network.infer(Batch::new(self.rollout.observations(), tokens), &mut logits);
-        add(|report| &mut report.log_q_state, &logits);
+        add(|report| &mut report.log_q_state_action, &logits[0]);
+        add(|report| &mut report.log_q_state, &logits[1]);
         for (&token, intrinsic) in tokens.iter().zip(&self.rollout.intrinsic) {
             reports[token as usize].intrinsic_reward += intrinsic;
         }

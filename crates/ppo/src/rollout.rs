@@ -199,19 +199,16 @@ impl Rollout {
             self.fates[*row] = StepFate::Truncated { bootstrap_value: f64::from(v) };
         }
         let of_reward = if weighs == AlphaWeighs::Reward { alpha } else { 0.0 };
-        let mut sequence = Sequence::new(self.n_steps);
-        for (agent, &last_value) in last.iter().enumerate() {
-            for t in 0..self.n_steps {
-                let row = t * n_agents + agent;
-                sequence.rewards[t] = self.rewards[row] + of_reward * self.intrinsic[row];
-                (sequence.values[t], sequence.fates[t]) = (self.values[row], self.fates[row]);
-            }
-            sequence.advantages(f64::from(last_value), discounts);
-            for (t, &advantage) in sequence.advantages.iter().enumerate() {
-                let row = t * n_agents + agent;
-                self.advantages[row] = advantage;
-                self.returns[row] = advantage + self.values[row];
-            }
+        let mut advantages = std::mem::take(&mut self.advantages);
+        self.of_sequences(
+            discounts,
+            &mut advantages,
+            |agent| f64::from(last[agent]),
+            |row| (self.rewards[row] + of_reward * self.intrinsic[row], self.values[row], self.fates[row]),
+        );
+        self.advantages = advantages;
+        for ((to, advantage), value) in self.returns.iter_mut().zip(&self.advantages).zip(&self.values) {
+            *to = advantage + value;
         }
         if weighs == AlphaWeighs::Advantage {
             self.add_intrinsic_advantages(alpha, discounts);
@@ -221,24 +218,42 @@ impl Rollout {
     /// Normalises the advantages and adds α times the normalised ones of the intrinsic rewards.
     fn add_intrinsic_advantages(&mut self, alpha: f64, discounts: (f64, f64)) {
         let mut intrinsic = vec![0.0; self.len()];
-        let mut sequence = Sequence::new(self.n_steps);
-        for agent in 0..self.n_agents {
-            for t in 0..self.n_steps {
-                let row = t * self.n_agents + agent;
-                sequence.rewards[t] = self.intrinsic[row];
-                sequence.fates[t] = match self.fates[row] {
+        self.of_sequences(
+            discounts,
+            &mut intrinsic,
+            |_| 0.0,
+            |row| {
+                let fate = match self.fates[row] {
                     StepFate::Truncated { .. } => StepFate::Terminated,
                     fate => fate,
                 };
-            }
-            sequence.advantages(0.0, discounts);
-            for (t, &advantage) in sequence.advantages.iter().enumerate() {
-                intrinsic[t * self.n_agents + agent] = advantage;
-            }
-        }
+                (self.intrinsic[row], 0.0, fate)
+            },
+        );
         gae::normalise(&mut self.advantages);
         gae::normalise(&mut intrinsic);
         self.advantages.iter_mut().zip(&intrinsic).for_each(|(sum, advantage)| *sum += alpha * advantage);
+    }
+
+    /// Advantages of each agent's own sequence: `of` gives a row's reward, value and fate, `last_value` what stands behind an
+    /// agent's last step.
+    fn of_sequences(
+        &self,
+        discounts: (f64, f64),
+        advantages: &mut [f64],
+        last_value: impl Fn(usize) -> f64,
+        of: impl Fn(usize) -> (f64, f64, StepFate),
+    ) {
+        let mut sequence = Sequence::new(self.n_steps);
+        for agent in 0..self.n_agents {
+            for t in 0..self.n_steps {
+                (sequence.rewards[t], sequence.values[t], sequence.fates[t]) = of(t * self.n_agents + agent);
+            }
+            sequence.advantages(last_value(agent), discounts);
+            for (t, &advantage) in sequence.advantages.iter().enumerate() {
+                advantages[t * self.n_agents + agent] = advantage;
+            }
+        }
     }
 
     /// A sum over the ended episodes as a mean.

@@ -118,7 +118,7 @@ pub(crate) fn logs(folders: &[&PathBuf]) -> Result<Vec<RunLog>> {
 
 fn shipped(folder: &Path, run: &RunEntry) -> Result<RunLog> {
     let text = run.curve.read(folder)?;
-    let reports = curve::reports(&text, (run.config.horizon * run.config.agents_total()) as u64)
+    let reports = curve::reports(&text, run.config.rollout_len() as u64)
         .with_context(|| format!("{}", folder.join(&run.curve.file).display()))?;
     Ok(RunLog {
         folder: folder.to_owned(),
