@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use anyhow::{Context as _, Result, ensure};
 use clap::Args;
 use jostle_eval::report::grid::Grid;
-use jostle_ppo::{BehaviourReport, Trainer};
+use jostle_ppo::{AlphaWeighs, BehaviourReport, Trainer};
 
 use crate::milestones::{share, success};
 use crate::output;
@@ -35,19 +35,27 @@ pub(crate) fn run(args: &BehavioursArgs) -> Result<ExitCode> {
     let (updates, config) = (trainer.updates_done(), trainer.config().clone());
     let reports = trainer.behaviours(args.rollouts)?;
     let text = format!(
-        "{}, update {updates}, config {}: {} rollouts of {} transitions without learning, α = {}.\n\n{}",
+        "{}, update {updates}, config {}: {} rollouts of {} transitions without learning; α = {}, weighs the {}.\n\n{}",
         path.display(),
         short(&config.hash()),
         args.rollouts,
         config.rollout_len(),
         config.alpha,
-        grid(&reports, config.alpha).markdown()
+        weighed(config.alpha_weighs),
+        grid(&reports).markdown()
     );
     output::result(&text)?;
     Ok(ExitCode::SUCCESS)
 }
 
-fn grid(reports: &[BehaviourReport], alpha: f64) -> Grid {
+fn weighed(alpha_weighs: AlphaWeighs) -> &'static str {
+    match alpha_weighs {
+        AlphaWeighs::Reward => "reward",
+        AlphaWeighs::Advantage => "advantage",
+    }
+}
+
+fn grid(reports: &[BehaviourReport]) -> Grid {
     let mut grid = Grid::new([
         "z",
         "episodes",
@@ -57,7 +65,7 @@ fn grid(reports: &[BehaviourReport], alpha: f64) -> Grid {
         "speed (m/s)",
         "turn rate (rad/s)",
         "task reward",
-        "α · intrinsic",
+        "intrinsic reward",
         "log q(z|s,a)",
         "log q(z|s)",
     ]);
@@ -74,7 +82,7 @@ fn grid(reports: &[BehaviourReport], alpha: f64) -> Grid {
                 format!("{:.2}", report.speed),
                 format!("{:.2}", report.turn_rate),
                 format!("{:.3}", report.task_reward),
-                format!("{:.3}", alpha * report.intrinsic_reward),
+                format!("{:.3}", report.intrinsic_reward),
                 format!("{:.2}", report.log_q_state_action),
                 format!("{:.2}", report.log_q_state),
             ],

@@ -11,7 +11,7 @@ use common::{accepted, refused, text, xtask};
 /// Small enough for a test: two agents with 16 beams. Five behaviours, as the base setting has.
 const BASE: &str = "updates = 4\ncheckpoint_every = 1\nN = 2\nM = 5\nhorizon = 16\nminibatch = 16\n\
     [sim.laser]\nbeams = 16\n[network]\nembedding = 4\nlaser_feature = 32\nhidden = 32\n[discriminator]\nhidden = 32\n";
-const BASELINE: [&str; 3] = ["n_behaviours=1", "intrinsic_reward=none", "alpha=0"];
+const BASELINE: [&str; 4] = ["n_behaviours=1", "intrinsic_reward=none", "alpha=0", "network.embedding_std=3"];
 
 /// Runs of two rows with two seeds each and of two pedestrians, and where they are shipped.
 struct Shipped {
