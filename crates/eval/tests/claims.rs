@@ -7,6 +7,7 @@ use jostle_eval::claims::{Measure, Row, SeedRun, Study, Verdict, test_claims};
 use jostle_eval::compact::CompactEpisode;
 use jostle_eval::metrics::{EpisodeMetrics, MetricScale};
 use jostle_eval::outcome::EpisodeOutcome;
+use jostle_eval::report::verdicts;
 
 const SCALE: MetricScale = MetricScale { dt: 0.1, goal_radius: 0.5, v_max: 1.0 };
 const EPISODES: u64 = 200;
@@ -148,4 +149,48 @@ fn claims_are_told_apart_and_complete() {
     for table in ["Table 1", "Table 2", "Table 3", "Table 4", "Table 5"] {
         assert!(claims.iter().any(|claim| claim.table == table));
     }
+}
+
+#[test]
+fn every_format_tells_the_same_verdicts_with_their_evidence() {
+    let mut study = study(&[("m1", row(&[100, 104, 97], 110, 0.0)), ("m5", row(&[150, 153, 149], 105, 0.5))]);
+    study.rows.get_mut("m5").unwrap().shorter = Some((3000, 5000));
+    let wanted = ["headline", "headline-each-crowd", "more-updates"];
+    let claims: Vec<_> = claims().into_iter().filter(|claim| wanted.contains(&claim.id)).collect();
+    let results = test_claims(&study, &claims);
+    let names: Vec<&str> = results.iter().map(|result| result.verdict.name()).collect();
+    let confirmed = Verdict::Confirmed.name();
+    assert_eq!(names, [confirmed, confirmed, Verdict::NotTested.name()]);
+
+    let text = verdicts::text(&results);
+    for (result, name) in results.iter().zip(&names) {
+        assert!(
+            text.contains(&format!("{name:13}  {}  {}", result.claim.table, result.claim.text)),
+            "{text}"
+        );
+    }
+    assert!(
+        text.contains("m5 was trained for 3000 of the paper's 5000 updates") && text.contains(verdicts::RULE)
+    );
+
+    let markdown = verdicts::markdown(&results);
+    assert_eq!(
+        markdown.matches("\n### ").count(),
+        2,
+        "a claim that was not tested has no evidence: {markdown}"
+    );
+    // 150 + 153 + 149 of 600 against 100 + 104 + 97.
+    assert!(markdown.contains("| +0.252 |"), "{markdown}");
+
+    let csv = verdicts::csv(&results);
+    let fields = csv.lines().next().unwrap().split(',').count();
+    let parts: usize = results.iter().map(|result| result.parts.len()).sum();
+    assert_eq!((fields, csv.lines().count()), (16, 1 + parts));
+    let headline = csv.lines().find(|line| line.starts_with("headline,")).unwrap();
+    assert!(headline.contains("m5: 3") && headline.contains("m1: 3"), "{headline}");
+
+    let latex = verdicts::latex_table(&results);
+    assert!(names.iter().all(|name| latex.contains(&format!("& {name} \\\\"))), "{latex}");
+    let json: serde_json::Value = serde_json::from_str(&verdicts::json(&results)).unwrap();
+    assert_eq!(json[0]["parts"][0]["pairs"].as_array().unwrap().len(), 3);
 }
