@@ -233,11 +233,12 @@ fn each_behaviour_of_a_run_has_its_line() {
         assert_eq!(row[1], token.to_string());
         let speed: f64 = row[6].parse().unwrap();
         assert!((0.0..=1.0).contains(&speed), "{printed}");
-        // What it is paid is what the two discriminators differ by, to the digits that are shown.
-        let [paid, sa, s] = [9, 10, 11].map(|at| row[at].parse::<f64>().unwrap());
-        let alpha = config["alpha"].as_float().unwrap();
-        assert!((paid - alpha * (sa - s)).abs() < alpha * 0.011 + 0.001, "{printed}");
+        // The intrinsic reward is what the two discriminators differ by, to the digits that are shown.
+        let [intrinsic, sa, s] = [9, 10, 11].map(|at| row[at].parse::<f64>().unwrap());
+        assert!((intrinsic - (sa - s)).abs() < 0.011 + 0.001, "{printed}");
     }
+    let alpha = config["alpha"].as_float().unwrap();
+    assert!(printed.contains(&format!("α = {alpha}, weighs the reward.")), "{printed}");
     assert_eq!(printed, accepted(&["behaviours", text(finished_run()), "--rollouts", "3"]));
     assert_eq!(fs::read(finished_run().join("log.ndjson")).unwrap(), before, "a look changes nothing");
     refused(&["behaviours", "nowhere"], &["nowhere", "expected a run folder or a checkpoint"]);
