@@ -264,10 +264,11 @@ impl Plan {
         for setting in BASELINE {
             let (key, value) = setting.split_once('=').expect("settings are key=value");
             let value = value.parse::<f64>().map_or_else(|_| format!("{value:?}"), |_| value.to_owned());
-            let name = key.rsplit('.').next();
-            let line = text.lines().find(|line| line.split('=').next().map(str::trim) == name);
+            // In the file a key stands without its section.
+            let name = key.rsplit_once('.').map_or(key, |(_, name)| name);
+            let line = text.lines().find(|line| line.split('=').next().map(str::trim) == Some(name));
             let line = line.with_context(|| format!("configs/headline.toml: {key} is left out"))?.to_owned();
-            text = text.replacen(&line, &format!("{} = {value}", name.unwrap_or(key)), 1);
+            text = text.replacen(&line, &format!("{name} = {value}"), 1);
         }
         Ok(text)
     }
