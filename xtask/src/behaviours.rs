@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use anyhow::{Context as _, Result, ensure};
 use clap::Args;
 use jostle_eval::report::grid::Grid;
-use jostle_ppo::{AlphaWeighs, BehaviourReport, Trainer};
+use jostle_ppo::{BehaviourReport, Trainer};
 
 use crate::milestones::{share, success};
 use crate::output;
@@ -41,18 +41,11 @@ pub(crate) fn run(args: &BehavioursArgs) -> Result<ExitCode> {
         args.rollouts,
         config.rollout_len(),
         config.alpha,
-        weighed(config.alpha_weighs),
+        config.alpha_weighs.name(),
         grid(&reports).markdown()
     );
     output::result(&text)?;
     Ok(ExitCode::SUCCESS)
-}
-
-fn weighed(alpha_weighs: AlphaWeighs) -> &'static str {
-    match alpha_weighs {
-        AlphaWeighs::Reward => "reward",
-        AlphaWeighs::Advantage => "advantage",
-    }
 }
 
 fn grid(reports: &[BehaviourReport]) -> Grid {

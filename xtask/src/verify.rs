@@ -1,6 +1,7 @@
 //! `cargo xtask verify`: what is shipped is what it says it is.
 
 use std::fmt::Write as _;
+use std::iter;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -46,7 +47,7 @@ enum What {
         #[arg(long, value_name = "N", default_value_t = crate::ship::curve::FIRST)]
         updates: usize,
     },
-    /// Every stored cell: that it can be read and stands under its own hash.
+    /// Every stored cell: that it can be read, stands under its own hash, and is of shipped policies alone.
     Results {
         /// Folder of results (default: `results/` of this repository).
         #[arg(long, value_name = "DIR")]
@@ -63,7 +64,9 @@ pub(crate) fn run(args: &VerifyArgs) -> Result<ExitCode> {
             checkpoints(&folder, &plan)?;
         }
         What::Curve { name, updates } => curve(&folder, name, *updates)?,
-        What::Results { out } => results(&out.clone().unwrap_or_else(|| workspace().join("results")))?,
+        What::Results { out } => {
+            results(&out.clone().unwrap_or_else(|| workspace().join("results")), &folder)?;
+        }
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -139,8 +142,10 @@ fn curve(folder: &std::path::Path, name: &str, updates: usize) -> Result<()> {
     output::result(&format!("{name}: the first {updates} updates are the shipped ones, byte for byte\n"))
 }
 
-fn results(folder: &std::path::Path) -> Result<()> {
+fn results(folder: &std::path::Path, checkpoints: &std::path::Path) -> Result<()> {
     let cells = folder.join("cells");
+    let manifest = Manifest::load(checkpoints)?;
+    let is_shipped = |sha256: &str| manifest.policies.iter().any(|policy| policy.sha256 == sha256);
     let (mut count, mut episodes) = (0, 0);
     for entry in std::fs::read_dir(&cells).with_context(|| format!("cannot list {}", cells.display()))? {
         let path = entry?.path();
@@ -156,6 +161,15 @@ fn results(folder: &std::path::Path) -> Result<()> {
             cell.head.policy.sha256,
             key.policy
         );
+        // What a run that was replaced left behind.
+        if let Some(unknown) = iter::once(&key.policy).chain(&key.pool).find(|sha256| !is_shipped(sha256)) {
+            bail!(
+                "{}: policy {}: found none in {}; the cell serves no row, remove it",
+                path.display(),
+                short(unknown),
+                checkpoints.join(MANIFEST).display()
+            );
+        }
         count += 1;
         episodes += cell.head.episodes;
     }

@@ -196,8 +196,20 @@ fn tables_are_the_same_from_stored_and_from_fresh_cells() {
     let fresh = xtask(&strs(&shipped.reproduce("table1", "results", &["--fresh", "--threads", "1"])));
     assert!(String::from_utf8(fresh.stderr).unwrap().contains("24 run again with the same result"));
     assert_eq!(fs::read(results.join("table1.md")).unwrap(), markdown);
-    let printed = accepted(&["verify", "results", "--out", text(&results)]);
+    let folder = shipped.path("checkpoints");
+    let verify = ["verify", "results", "--out", text(&results), "--checkpoints"];
+    let printed = accepted(&[&verify[..], &[folder.as_str()]].concat());
     assert!(printed.starts_with("24 cells, 144 episodes"), "{printed}");
+    // The cells serve no row beside other policies.
+    refused(&verify[..4], &["-z0-", "policy ", "checkpoints/manifest.json", "remove it"]);
+}
+
+#[test]
+fn what_the_repository_holds_is_what_it_says() {
+    let printed = accepted(&["verify", "checkpoints"]);
+    assert!(printed.contains("m5-seed1: 5000 updates, 50 of them to the byte"), "{printed}");
+    let printed = accepted(&["verify", "results"]);
+    assert!(printed.contains(" cells, "), "{printed}");
 }
 
 #[test]

@@ -182,7 +182,7 @@ impl Trainer {
         for step in 0..self.config.horizon as u64 {
             self.act(step, &mut clock)?; // Alg. 1, lines 5–7: all agents side by side
         }
-        self.rollout.push_observations(&self.rooms, self.update)?;
+        self.rollout.push_observations(self.rooms.observations(), self.rooms.tokens(), self.update)?;
         clock.rollout = start.elapsed().as_secs_f64();
         let logits = self.judge();
         self.add_intrinsic_reward(&logits); // Alg. 1, line 8
@@ -239,7 +239,7 @@ impl Trainer {
     /// One step of every agent: observe, sample the policy of its behaviour, execute, collect (lines 6–7).
     pub(crate) fn act(&mut self, step: u64, clock: &mut Clock) -> Result<(), PpoError> {
         let begin = Instant::now();
-        self.rollout.push_observations(&self.rooms, self.update)?;
+        self.rollout.push_observations(self.rooms.observations(), self.rooms.tokens(), self.update)?;
         self.actor.network.infer(self.rollout.present(), self.means.as_flattened_mut());
         let log_std = self.actor.log_std();
         let mut rng = self.streams.stream("action", &[self.update, step]);

@@ -106,6 +106,16 @@ pub enum AlphaWeighs {
     Advantage,
 }
 
+impl AlphaWeighs {
+    /// Its name in configuration files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Reward => "reward",
+            Self::Advantage => "advantage",
+        }
+    }
+}
+
 /// The sizes of actor and critic that do not follow from other sections.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -225,6 +235,14 @@ mod tests {
         let read = Config::parse(&text, "canonical", &["updates=7", "threads=3"]).unwrap();
         assert_eq!(read, config);
         assert!(!text.contains("checkpoint_every"));
+    }
+
+    #[test]
+    fn a_name_is_what_a_file_says() {
+        for weighs in [AlphaWeighs::Reward, AlphaWeighs::Advantage] {
+            let read = Config::parse("", "empty", &[format!("alpha_weighs={}", weighs.name())]).unwrap();
+            assert_eq!(read.alpha_weighs, weighs);
+        }
     }
 
     #[test]

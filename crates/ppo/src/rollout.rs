@@ -115,19 +115,24 @@ impl Rollout {
         (self.return_sum, self.length_sum) = (0.0, 0.0);
     }
 
-    /// Appends what all agents see and which behaviour they follow.
+    /// Appends what all agents see, [A, width], and which behaviour they follow, [A].
     ///
     /// # Errors
     ///
-    /// [`PpoError::NotFinite`] naming the agent whose observation is not finite.
-    pub(crate) fn push_observations(&mut self, rooms: &Rooms, update: u64) -> Result<(), PpoError> {
-        for (agent, row) in rooms.observations().chunks_exact(self.width).enumerate() {
+    /// [`PpoError::NotFinite`] naming the agent whose observation is not finite; nothing is appended then.
+    pub(crate) fn push_observations(
+        &mut self,
+        observations: &[f32],
+        tokens: &[u32],
+        update: u64,
+    ) -> Result<(), PpoError> {
+        for (agent, row) in observations.chunks_exact(self.width).enumerate() {
             if row.iter().any(|x| !x.is_finite()) {
                 return Err(PpoError::NotFinite { update, tensor: "observation".into(), agent: Some(agent) });
             }
         }
-        self.observations.extend_from_slice(rooms.observations());
-        self.tokens.extend_from_slice(rooms.tokens());
+        self.observations.extend_from_slice(observations);
+        self.tokens.extend_from_slice(tokens);
         Ok(())
     }
 
@@ -304,6 +309,22 @@ mod tests {
         rollout.intrinsic.iter_mut().for_each(|reward| *reward *= scale);
         rollout.estimate_advantages(&VALUES, (alpha, weighs), HALF);
         (rollout.advantages, rollout.returns)
+    }
+
+    #[test]
+    fn an_observation_that_is_not_finite_is_named_with_its_agent_and_left_out() {
+        let mut rollout = Rollout::new(3, 2, 3);
+        rollout.push_observations(&[0.0; 6], &[4, 0], 7).unwrap();
+        for (at, value) in [(0, f32::NAN), (2, f32::INFINITY), (3, f32::NEG_INFINITY), (5, f32::NAN)] {
+            let mut observations = [0.5; 6];
+            observations[at] = value;
+            let refusal = rollout.push_observations(&observations, &[1, 2], 7).unwrap_err();
+            assert_eq!(
+                refusal.to_string(),
+                format!("update 7: observation of agent {} is not finite", at / 3)
+            );
+            assert_eq!((rollout.observations.len(), rollout.tokens.len()), (6, 2));
+        }
     }
 
     #[test]
