@@ -159,16 +159,20 @@ pub(super) unsafe fn gradient(
             let partners: [*const f32; QUARTERS] = std::array::from_fn(|quarter| {
                 x.as_ptr().wrapping_add(chunk * rows.x_chunk + quarter * block_stride)
             });
-            for (pair, out) in square.0.as_chunks_mut::<2>().0.iter_mut().enumerate() {
-                let list = chunk * outputs + first + 2 * pair;
-                let mut sums =
-                    if chunk == 0 { [[_mm512_setzero_ps(); QUARTERS]; 2] } else { out.each_ref().map(load) };
+            for output in (0..SPAN).step_by(2) {
+                let list = chunk * outputs + first + output;
+                let lists = [list, list + 1];
+                let of_lists = lists.map(|list| output / BLOCK * BLOCK + columns.column(list));
+                let mut sums = match chunk {
+                    0 => [[_mm512_setzero_ps(); QUARTERS]; 2],
+                    _ => of_lists.map(|output| load(&square.0[output])),
+                };
                 // SAFETY: the lists' offsets and four blocks behind them lie within the chunk; a row is four registers.
                 unsafe {
-                    add_pair(&mut sums, [columns.list(list), columns.list(list + 1)], partners);
-                    for (sums, out) in sums.into_iter().zip(out) {
+                    add_pair(&mut sums, lists.map(|list| columns.list(list)), partners);
+                    for (sums, output) in sums.into_iter().zip(of_lists) {
                         for (quarter, sum) in sums.into_iter().enumerate() {
-                            _mm512_storeu_ps(out.as_mut_ptr().add(quarter * BLOCK), sum);
+                            _mm512_storeu_ps(square.0[output].as_mut_ptr().add(quarter * BLOCK), sum);
                         }
                     }
                 }

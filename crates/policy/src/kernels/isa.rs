@@ -28,10 +28,12 @@ impl Isa {
         let mut found = Vec::new();
         #[cfg(target_arch = "x86_64")]
         {
-            if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("fma") {
+            let has_avx2 = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
+            // Some kernels for AVX-512 use parts for AVX2.
+            if has_avx2 && is_x86_feature_detected!("avx512f") {
                 found.push(Self(Level::Avx512));
             }
-            if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+            if has_avx2 {
                 found.push(Self(Level::Avx2));
             }
         }

@@ -102,12 +102,15 @@ impl Linear {
         chunk: Forward<'_>,
         nonzeros: &mut Nonzeros,
     ) {
-        if !self.divides_into_spans() || !sparse::is_worth_a_look(isa, chunk.rows) {
+        let (n_spans, n_pairs) = (self.inputs / SPAN, self.outputs / SPAN);
+        let stride = chunk.chunks.block_stride();
+        if !self.divides_into_spans()
+            || !sparse::is_worth_a_look(isa, chunk.rows)
+            || !sparse::are_few_in(chunk.rows, n_spans, chunk.x, stride)
+        {
             return self.forward(isa, weights, bias, chunk);
         }
-        let Forward { chunks, rows, x, y, relu } = chunk;
-        let stride = chunks.block_stride();
-        let (n_spans, n_pairs) = (self.inputs / SPAN, self.outputs / SPAN);
+        let Forward { rows, x, y, relu, .. } = chunk;
         let panel =
             |span: usize, panel: usize| &weights[self.index(span * SPAN, panel * PANEL)..][..SPAN * PANEL];
         for span in 0..n_spans {
@@ -115,20 +118,13 @@ impl Linear {
             nonzeros.of_rows(isa, rows, 1, x, stride);
             let finish = if relu && span + 1 == n_spans { Finish::Relu } else { Finish::Store };
             let start = |at: usize| if span == 0 { Start::Bias(&bias[at..]) } else { Start::Accumulate };
-            if nonzeros.are_few() {
-                for pair in 0..n_pairs {
-                    let panels = |span, pair| [panel(span, 2 * pair), panel(span, 2 * pair + 1)];
-                    let behind = (span * n_pairs + pair + 1).min(n_spans * n_pairs - 1);
-                    let next = panels(behind / n_pairs, behind % n_pairs);
-                    let out = Grid { data: &mut y[pair * QUARTERS * stride..], row: BLOCK, half: stride };
-                    let start = start(pair * SPAN);
-                    rows_times_span(isa, rows, nonzeros, 0, panels(span, pair), next, start, finish, out);
-                }
-            } else {
-                for p in 0..2 * n_pairs {
-                    let (start, y) = (start(p * PANEL), &mut y[p * 2 * stride..]);
-                    Self::forward_panel(isa, rows, stride, x, panel(span, p), start, finish, y);
-                }
+            for pair in 0..n_pairs {
+                let panels = |span, pair| [panel(span, 2 * pair), panel(span, 2 * pair + 1)];
+                let behind = (span * n_pairs + pair + 1).min(n_spans * n_pairs - 1);
+                let next = panels(behind / n_pairs, behind % n_pairs);
+                let out = Grid { data: &mut y[pair * QUARTERS * stride..], row: BLOCK, half: stride };
+                let start = start(pair * SPAN);
+                rows_times_span(isa, rows, nonzeros, 0, panels(span, pair), next, start, finish, out);
             }
         }
     }

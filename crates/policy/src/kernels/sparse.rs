@@ -30,6 +30,8 @@ pub(super) const QUARTERS: usize = SPAN / BLOCK;
 /// Above this share of values that are not zero the dense product is faster. Measured at 4096 × 256 on a processor with one
 /// 512-bit multiply-add a cycle: 1.4 to 2 times faster at a share of 0.3, 1.1 to 1.3 at 0.5, even at 0.6 to 0.7.
 const DENSE: f64 = 0.6;
+/// Which part of the spans is counted to know the share.
+const SAMPLED: usize = 8;
 /// Fewer rows than this are bound by reading the weights, not by arithmetic.
 const ROWS_MIN: usize = 16;
 /// Room behind a list, as whole registers are stored.
@@ -38,6 +40,18 @@ const SLACK: usize = BLOCK;
 /// Whether products may leave out zeros: the processor has the instructions, and there are enough rows.
 pub(super) fn is_worth_a_look(isa: Isa, rows: usize) -> bool {
     is_available(isa) && rows >= ROWS_MIN
+}
+
+/// Whether so few values of a chunk in blocks are not zero that leaving out the others pays, going by one span in
+/// `SAMPLED` of all.
+pub(super) fn are_few_in(rows: usize, spans: usize, x: &[f32], block_stride: usize) -> bool {
+    let (mut kept, mut seen) = (0, 0);
+    for block in (0..spans).step_by(SAMPLED).flat_map(|span| span * QUARTERS..(span + 1) * QUARTERS) {
+        let values = &x[block * block_stride..][..rows * BLOCK];
+        kept += values.iter().filter(|value| **value != 0.0).count();
+        seen += values.len();
+    }
+    (kept as f64) < DENSE * seen as f64
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -57,13 +71,15 @@ fn works_in_pairs(isa: Isa) -> bool {
 
 /// Lists of the values that are not zero, each with where its partner starts in the other operand.
 ///
-/// For AVX-512, lists 2·i and 2·i + 1 of rows (or columns) side by side are a pair, worked off together: the shorter one is
-/// filled up with zeros. The memory grows to the largest use and stays.
+/// For AVX-512, lists 2·i and 2·i + 1 are a pair, worked off together: the shorter one is filled up with zeros. The memory
+/// grows to the largest use and stays.
 #[derive(Debug, Clone, Default)]
 pub struct Nonzeros {
     offsets: Vec<u32>,
     values: Vec<f32>,
     lengths: Vec<u32>,
+    /// Which column of its block a list is of.
+    columns: Vec<u8>,
     /// Room of one list.
     room: usize,
     /// Values that were looked at.
@@ -142,8 +158,11 @@ impl Nonzeros {
         }
     }
 
-    /// One list for each output and chunk of output gradients in blocks: list `chunk · outputs + output`. A value's partner
-    /// is its row of the chunk.
+    /// One list for each output and chunk of output gradients in blocks. A value's partner is its row of the chunk.
+    ///
+    /// Lists `chunk · outputs + block · 16 ..` are those of a block. Where lists are worked off in pairs they are in the order
+    /// of their lengths, shorter ones first: some outputs pass a gradient for every row and some for none, and in trained
+    /// networks pairs of neighbours would be filled up by more than half. [`Self::column`] says which output it is.
     pub(super) fn of_columns(
         &mut self,
         isa: Isa,
@@ -153,13 +172,26 @@ impl Nonzeros {
         block_stride: usize,
     ) {
         self.clear(rows.chunks * outputs, rows.of_each);
+        self.columns.resize(rows.chunks * outputs, 0);
         self.farthest = (rows.of_each - 1) * BLOCK;
-        for block in 0..rows.chunks * outputs / BLOCK {
-            let (chunk, first) = (block * BLOCK / outputs, block * BLOCK % outputs);
-            let dy = &dy[chunk * rows.dy_chunk + first / BLOCK * block_stride..][..rows.of_each * BLOCK];
-            let lists: [usize; BLOCK] = std::array::from_fn(|output| block * BLOCK + output);
-            let mut at = lists.map(|list| list * self.room);
-            for (row, dy) in dy.as_chunks::<BLOCK>().0.iter().enumerate() {
+        for first in (0..rows.chunks * outputs).step_by(BLOCK) {
+            let (chunk, output) = (first / outputs, first % outputs);
+            let dy = &dy[chunk * rows.dy_chunk + output / BLOCK * block_stride..][..rows.of_each * BLOCK];
+            let (dy, _) = dy.as_chunks::<BLOCK>();
+            let mut lengths = [0; BLOCK];
+            for dy in dy {
+                lengths.iter_mut().zip(dy).for_each(|(len, value)| *len += u32::from(*value != 0.0));
+            }
+            let mut order: [usize; BLOCK] = std::array::from_fn(|column| column);
+            if works_in_pairs(isa) {
+                order.sort_unstable_by_key(|column| (lengths[*column], *column));
+            }
+            let mut at = [0; BLOCK];
+            for (list, column) in (first..).zip(order) {
+                at[column] = list * self.room;
+                (self.lengths[list], self.columns[list]) = (lengths[column], column as u8);
+            }
+            for (row, dy) in dy.iter().enumerate() {
                 for (at, value) in at.iter_mut().zip(dy) {
                     // Written in any case and kept if it counts: a branch on random values would cost more.
                     self.values[*at] = *value;
@@ -167,13 +199,15 @@ impl Nonzeros {
                     *at += usize::from(*value != 0.0);
                 }
             }
-            for (list, at) in lists.into_iter().zip(at) {
-                self.lengths[list] = (at - list * self.room) as u32;
-            }
             if works_in_pairs(isa) {
-                lists.chunks_exact(2).for_each(|pair| self.even_out(pair[0], pair[1]));
+                (first..first + BLOCK).step_by(2).for_each(|list| self.even_out(list, list + 1));
             }
         }
+    }
+
+    /// Which output a list of columns is of, within its block of 16.
+    pub(super) fn column(&self, list: usize) -> usize {
+        usize::from(self.columns[list])
     }
 }
 

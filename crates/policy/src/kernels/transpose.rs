@@ -14,12 +14,9 @@ pub(super) fn square(isa: Isa, from: &[f32], to: &mut [f32]) {
     let (to, _) = to.as_chunks_mut::<PANEL>();
     assert!(from.len() <= PANEL && to.len() == PANEL, "{} rows to {}", from.len(), to.len());
     match isa.0 {
-        // SAFETY: an `Isa` exists only where the processor has it.
+        // SAFETY: an `Isa` exists only where the processor has it; AVX-512 is taken only beside AVX2.
         #[cfg(target_arch = "x86_64")]
-        Level::Avx512 => unsafe { square_avx512(from, to) },
-        // SAFETY: as above.
-        #[cfg(target_arch = "x86_64")]
-        Level::Avx2 if from.len() == PANEL => unsafe { square_avx2(from, to) },
+        Level::Avx512 | Level::Avx2 if from.len() == PANEL => unsafe { square_avx2(from, to) },
         _ => plain(from, to),
     }
 }
@@ -30,17 +27,6 @@ fn plain(from: &[[f32; PANEL]], to: &mut [[f32; PANEL]]) {
             *to = from.get(i).map_or(0.0, |row| row[j]);
         }
     }
-}
-
-/// The plain loop, compiled for wider registers: the compiler turns the inner loop into gathers and stores of a row.
-///
-/// # Safety
-///
-/// AVX-512F.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f")]
-unsafe fn square_avx512(from: &[[f32; PANEL]], to: &mut [[f32; PANEL]]) {
-    plain(from, to);
 }
 
 /// Squares of 8 × 8 in registers.
