@@ -447,4 +447,51 @@ mod tests {
         }
         assert!(nonzeros.are_few());
     }
+
+    #[test]
+    fn columns_are_listed_once_each_and_paired_by_length() {
+        Isa::available().into_iter().filter(|isa| is_available(*isa)).for_each(check_columns);
+    }
+
+    fn check_columns(isa: Isa) {
+        let chunks = Chunks::new(80);
+        let (stride, outputs) = (chunks.block_stride(), 2 * SPAN);
+        let dy_chunk = chunks.chunk_len(outputs);
+        let mut dy = vec![0.0; chunks.len(outputs)];
+        let at = |chunk: usize, row: usize, output: usize| {
+            chunk * dy_chunk + output / BLOCK * stride + row * BLOCK + output % BLOCK
+        };
+        // Some outputs are active for every row, some for none, neighbours at odds.
+        for (chunk, row, output) in (0..2)
+            .flat_map(|chunk| (0..chunks.size).map(move |row| (chunk, row)))
+            .flat_map(|(chunk, row)| (0..outputs).map(move |output| (chunk, row, output)))
+        {
+            let active = (row * 7 + output) % 11 < output * 5 % 12;
+            dy[at(chunk, row, output)] = if active { (row + 1) as f32 } else { 0.0 };
+        }
+        let rows = Rows { chunks: 2, of_each: chunks.size, dy_chunk, x_chunk: 0 };
+        let mut nonzeros = Nonzeros::default();
+        nonzeros.of_columns(isa, outputs, &dy, rows, stride);
+        let kept = |list: usize| nonzeros.list(list).values.iter().filter(|value| **value != 0.0).count();
+        let mut listed = vec![0; 2 * outputs];
+        for list in 0..2 * outputs {
+            let (chunk, output) = (list / outputs, list % outputs / BLOCK * BLOCK + nonzeros.column(list));
+            listed[chunk * outputs + output] += 1;
+            let expected: Vec<(u32, f32)> = (0..chunks.size)
+                .map(|row| ((row * BLOCK) as u32, dy[at(chunk, row, output)]))
+                .filter(|(_, value)| *value != 0.0)
+                .collect();
+            let List { offsets, values } = nonzeros.list(list);
+            let found: Vec<(u32, f32)> = offsets.iter().copied().zip(values.iter().copied()).collect();
+            let (listed, filled) = found.split_at(expected.len());
+            assert_eq!(listed, expected, "chunk {chunk}, output {output}");
+            assert!(filled.iter().all(|(_, value)| *value == 0.0), "chunk {chunk}, output {output}");
+            if works_in_pairs(isa) {
+                assert_eq!(nonzeros.list(list ^ 1).values.len(), values.len(), "pair of list {list}");
+                assert!(list % BLOCK == 0 || kept(list - 1) <= kept(list), "list {list} is shorter");
+            }
+        }
+        assert!(listed.iter().all(|count| *count == 1), "{listed:?}");
+        assert!(nonzeros.are_few());
+    }
 }
