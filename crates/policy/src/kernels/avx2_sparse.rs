@@ -45,14 +45,14 @@ static TO_THE_FRONT: [[u32; LANES]; 1 << LANES] = {
 ///
 /// # Safety
 ///
-/// AVX2. `x` has four blocks of 16 values, `block_stride` apart; both lists have room for 64 + 16 values.
+/// AVX2. `x` has four blocks of 16 values, `block_stride` apart; both lists have room for 64 values.
 #[target_feature(enable = "avx2")]
 pub(super) unsafe fn list(x: &[f32], block_stride: usize, offsets: &mut [u32], values: &mut [f32]) -> u32 {
     let mut places =
         _mm256_mullo_epi32(_mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7), _mm256_set1_epi32(PANEL as i32));
     let mut len = 0_usize;
     for eighth in 0..EIGHTHS {
-        // SAFETY: the caller's promise; at most 8 values more are written than are listed.
+        // SAFETY: the caller's promise; before eighth e at most 8 · e values are listed, and 8 are written.
         unsafe {
             let x = _mm256_loadu_ps(x.as_ptr().add(eighth / 2 * block_stride + eighth % 2 * LANES));
             let kept = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_NEQ_UQ>(x, _mm256_setzero_ps()));

@@ -20,14 +20,14 @@ type Sums = [__m512; QUARTERS];
 ///
 /// # Safety
 ///
-/// AVX-512F. `x` has four blocks of 16 values, `block_stride` apart; both lists have room for 64 + 16 values.
+/// AVX-512F. `x` has four blocks of 16 values, `block_stride` apart; both lists have room for 64 values.
 #[target_feature(enable = "avx512f")]
 pub(super) unsafe fn list(x: &[f32], block_stride: usize, offsets: &mut [u32], values: &mut [f32]) -> u32 {
     let iota = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
     let mut places = _mm512_mullo_epi32(iota, _mm512_set1_epi32(PANEL as i32));
     let mut len = 0_usize;
     for block in 0..QUARTERS {
-        // SAFETY: the caller's promise; at most 16 values more are written than are listed.
+        // SAFETY: the caller's promise; before block b at most 16 · b values are listed, and 16 are written.
         unsafe {
             let x = _mm512_loadu_ps(x.as_ptr().add(block * block_stride));
             let kept = _mm512_cmp_ps_mask::<_CMP_NEQ_UQ>(x, _mm512_setzero_ps());

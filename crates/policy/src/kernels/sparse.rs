@@ -34,8 +34,6 @@ const DENSE: f64 = 0.6;
 const SAMPLED: usize = 8;
 /// Fewer rows than this are bound by reading the weights, not by arithmetic.
 const ROWS_MIN: usize = 16;
-/// Room behind a list, as whole registers are stored.
-const SLACK: usize = BLOCK;
 
 /// Whether products may leave out zeros: the processor has the instructions, and there are enough rows.
 pub(super) fn is_worth_a_look(isa: Isa, rows: usize) -> bool {
@@ -97,7 +95,8 @@ pub(super) struct List<'a> {
 
 impl Nonzeros {
     fn clear(&mut self, lists: usize, longest: usize) {
-        self.room = longest + SLACK;
+        // Registers are stored whole, but what was listed before leaves room for all that may still come.
+        self.room = longest;
         self.seen = lists * longest;
         let len = lists * self.room;
         if self.values.len() < len {
@@ -143,7 +142,7 @@ impl Nonzeros {
             let range = list * self.room..(list + 1) * self.room;
             let (offsets, values) = (&mut self.offsets[range.clone()], &mut self.values[range]);
             self.lengths[list] = match isa.0 {
-                // SAFETY: an `Isa` exists only where the processor has it; a list has room for a span and a register,
+                // SAFETY: an `Isa` exists only where the processor has it; a list has room for a span,
                 // and the length of `x` is checked above.
                 #[cfg(target_arch = "x86_64")]
                 Level::Avx512 => unsafe { super::avx512_sparse::list(x, block_stride, offsets, values) },
