@@ -204,6 +204,8 @@ fn shipped_curves_are_drawn_and_read_like_runs() {
     check_svg(&curves);
     // The pool's seeds are those of the baseline's setting: one curve.
     assert!(curves.contains("m1-seed1 and ") && curves.contains("m5-seed1"), "labels");
+    // They do not hold the return of an episode.
+    assert!(curves.contains("Task reward of a step") && !curves.contains("Return of an episode"), "titles");
 
     let printed = accepted(&["milestones", text(&shipped), "--at", "5000", "--window", "100"]);
     let curve = fs::read_to_string(shipped.join("curves/m1-seed1.csv")).unwrap();

@@ -82,19 +82,21 @@ pub(crate) fn panels(groups: &[Group<'_>], window: usize) -> Panels {
     let both = |first, second| {
         [of(first, false, &several), of(second, true, &several)].into_iter().flatten().collect()
     };
-    let mut panels = vec![
+    // The curves that are shipped do not hold the return.
+    let returns = of(&|run, end| run.mean(end, window, |r| r.episode_return), false, &any);
+    let (reward, rewards) = if returns.iter().all(|curve| curve.points.is_empty()) {
+        ("Task reward of a step", of(&|run, end| run.mean(end, window, |r| Some(r.task_reward)), false, &any))
+    } else {
+        ("Return of an episode (task reward)", returns)
+    };
+    let panels = vec![
         panel(
             "Success of training episodes",
             Some((0.0, 1.0)),
             vec![],
             of(&|run, end| run.success(end, window), false, &any),
         ),
-        panel(
-            "Return of an episode (task reward)",
-            None,
-            vec![],
-            of(&|run, end| run.mean(end, window, |r| r.episode_return), false, &any),
-        ),
+        panel(reward, None, vec![], rewards),
         panel(
             "D: mean KL between behaviours (nats)",
             None,
@@ -126,8 +128,6 @@ pub(crate) fn panels(groups: &[Group<'_>], window: usize) -> Panels {
             of(&|run, end| run.mean(end, window, |r| Some(r.intrinsic_reward)), false, &several),
         ),
     ];
-    // Curves that are shipped do not hold the return; one behaviour has returns like any other.
-    panels[1].empty = "not in these curves";
     Panels { labels: groups.iter().map(|group| group.label.clone()).collect(), panels, updates }
 }
 
