@@ -3,8 +3,10 @@
 //! All steps that build use the release profile, so that a cold machine builds the dependencies once for checking and
 //! once for running. Every tool's own output stays visible; each step ends with one line of ours, with its time.
 //!
-//! What needs more than Rust is asked for by name (`--web`, `--book`) and then runs alone.
+//! What needs more than Rust is asked for by name (`--web`, `--python`) and then runs alone. The book needs mdBook, which cargo
+//! installs once; where that cannot be had, the step is skipped and says so: what the book claims is tested anyway.
 
+use std::path::Path;
 use std::process::{Command, ExitCode};
 use std::time::Instant;
 
@@ -21,7 +23,7 @@ use crate::{browser, output, python};
 #[command(
     after_help = "Examples:\n  cargo xtask ci\n  cargo xtask ci --keep-going\n  cargo xtask ci --python\n  \
     cargo xtask ci --web --book\n\n\
-    Without --web, --book and --python: format, lints, documentation, tests, doctests. With them: these checks alone."
+    Without --web, --book and --python: format, lints, documentation, tests, doctests, book. With them: these checks alone."
 )]
 #[expect(clippy::struct_excessive_bools, reason = "each is a flag of the command line")]
 pub(crate) struct CiArgs {
@@ -34,7 +36,8 @@ pub(crate) struct CiArgs {
     /// Drive the replay page and the live page in Chromium, without a window.
     #[arg(long)]
     web: bool,
-    /// Build the documentation as a book into target/book, with mdBook, which is installed if it is not there.
+    /// Build the documentation as a book into target/book, with mdBook, which is installed if it is not there, and fail if
+    /// it cannot be.
     #[arg(long)]
     book: bool,
 }
@@ -46,8 +49,31 @@ struct Step {
     environment: &'static [(&'static str, &'static str)],
 }
 
+/// How a step ended.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Verdict {
+    Passed,
+    Failed,
+    /// It needs what is not there.
+    Skipped,
+}
+
+impl Verdict {
+    fn of(passed: bool) -> Self {
+        if passed { Self::Passed } else { Self::Failed }
+    }
+
+    fn word(self) -> &'static str {
+        match self {
+            Self::Passed => "ok",
+            Self::Failed => "FAIL",
+            Self::Skipped => "skip",
+        }
+    }
+}
+
 /// A check with its name.
-type Check<'a> = (&'static str, Box<dyn Fn() -> Result<bool> + 'a>);
+type Check<'a> = (&'static str, Box<dyn Fn() -> Result<Verdict> + 'a>);
 
 const STEPS: [Step; 5] = [
     Step { name: "fmt", arguments: &["fmt", "--all", "--check"], environment: &[] },
@@ -86,12 +112,12 @@ pub(crate) fn run(args: &CiArgs) -> Result<ExitCode> {
     for (name, check) in checks(args) {
         output::note(&format!("ci: {name} …"));
         let started = Instant::now();
-        let passed = check()?;
-        let verdict = if passed { "ok" } else { "FAIL" };
-        let line = format!("ci: {name:<9} {verdict:<4} {}\n", clock(started.elapsed().as_secs_f64()));
+        let verdict = check()?;
+        let line =
+            format!("ci: {name:<9} {:<4} {}\n", verdict.word(), clock(started.elapsed().as_secs_f64()));
         output::result(&line)?;
         lines.push(line);
-        if !passed {
+        if verdict == Verdict::Failed {
             failed.push(name);
             if !args.keep_going {
                 break;
@@ -113,34 +139,40 @@ fn checks(args: &CiArgs) -> Vec<Check<'static>> {
         checks.push(("web", Box::new(|| Ok(told(&browser::check())))));
     }
     if args.book {
-        checks.push(("book", Box::new(|| Ok(told(&build_book())))));
+        checks.push(("book", Box::new(|| Ok(told(&MDBOOK.find().and_then(|mdbook| build_book(&mdbook)))))));
     }
     if args.python {
-        checks.extend(
-            python::STEPS.iter().map(|(name, work)| (*name, Box::new(work) as Box<dyn Fn() -> Result<bool>>)),
-        );
+        let steps = python::STEPS.iter();
+        checks.extend(steps.map(|(name, work)| -> Check { (name, Box::new(|| Ok(Verdict::of(work()?)))) }));
     }
     if checks.is_empty() {
-        checks.extend(
-            STEPS
-                .iter()
-                .map(|step| (step.name, Box::new(|| run_step(step)) as Box<dyn Fn() -> Result<bool>>)),
-        );
+        checks.extend(STEPS.iter().map(|step| -> Check { (step.name, Box::new(|| run_step(step))) }));
+        checks.push(("book", Box::new(|| Ok(build_book_if_possible()))));
     }
     checks
 }
 
 /// A check of ours says why it failed, and the others still run.
-fn told(outcome: &Result<()>) -> bool {
+fn told(outcome: &Result<()>) -> Verdict {
     if let Err(error) = outcome {
         output::note(&format!("error: {}", output::one_line(error)));
     }
-    outcome.is_ok()
+    Verdict::of(outcome.is_ok())
 }
 
-fn build_book() -> Result<()> {
+fn build_book_if_possible() -> Verdict {
+    match MDBOOK.find() {
+        Ok(mdbook) => told(&build_book(&mdbook)),
+        Err(error) => {
+            output::note(&format!("book: not built: {}", output::one_line(&error)));
+            Verdict::Skipped
+        }
+    }
+}
+
+fn build_book(mdbook: &Path) -> Result<()> {
     let out = workspace().join("target/book");
-    let built = Command::new(MDBOOK.find()?)
+    let built = Command::new(mdbook)
         .arg("build")
         .arg(workspace().join("docs"))
         .arg("--dest-dir")
@@ -152,7 +184,7 @@ fn build_book() -> Result<()> {
     Ok(())
 }
 
-fn run_step(step: &Step) -> Result<bool> {
+fn run_step(step: &Step) -> Result<Verdict> {
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let status = Command::new(cargo)
         .args(step.arguments)
@@ -160,5 +192,5 @@ fn run_step(step: &Step) -> Result<bool> {
         .current_dir(workspace())
         .status()
         .with_context(|| format!("cannot start cargo for step {}", step.name))?;
-    Ok(status.success())
+    Ok(Verdict::of(status.success()))
 }

@@ -1,7 +1,7 @@
 //! The documentation keeps its word: pages exist, links lead somewhere, and what a block of code claims is true.
 //!
 //! Commands in it are parsed by `xtask`'s own test of the command line, Rust in it is compiled by the doctests of
-//! `jostle-bench`, and `cargo xtask ci --book` builds it with mdBook.
+//! `jostle-bench`, and `cargo xtask ci` builds it with mdBook.
 
 use std::collections::BTreeSet;
 use std::fs;
