@@ -201,6 +201,28 @@ mod tests {
         let got = solve(&[x_at_most(0.2), at_least], 1, 1.0, Vec2::new(0.0, 0.1), &mut Vec::new());
         assert!((got.x - 0.2).abs() < 1e-6, "{got}");
     }
+
+    /// Powers of two scale without rounding.
+    #[test]
+    fn velocities_scale_with_lines_and_speed_limit() {
+        let at_least = Line { point: Vec2::new(0.6, 0.0), direction: -Vec2::Y };
+        let floor = Line { point: Vec2::new(0.0, 0.3), direction: Vec2::X };
+        let solve = |lines: &[Line], max_speed, preferred| {
+            super::solve(lines, 0, max_speed, preferred, &mut Vec::new())
+        };
+        for lines in [&[][..], &[x_at_most(0.2)], &[x_at_most(0.2), floor], &[x_at_most(0.2), at_least]] {
+            for preferred in [Vec2::new(0.5, 0.1), Vec2::new(0.6, 3.0), Vec2::new(-0.1, -0.9)] {
+                let of_one = solve(lines, 1.0, preferred);
+                for scale in [0.25, 4.0] {
+                    let scaled: Vec<Line> =
+                        lines.iter().map(|line| Line { point: scale * line.point, ..*line }).collect();
+                    let got = solve(&scaled, scale, scale * preferred);
+                    assert_eq!(got, scale * of_one, "{lines:?}, {preferred}, times {scale}");
+                }
+            }
+        }
+    }
+
     #[test]
     fn almost_the_same_line_twice_contradicts_nothing() {
         let turned = Line { point: Vec2::new(0.2, 0.0), direction: Vec2::new(-1e-6, 1.0) };
