@@ -43,6 +43,12 @@ pub(crate) struct Policies {
     trained: BTreeSet<&'static str>,
 }
 
+/// Whether a policy that has seen some updates may stand in a row that wants others, where rows of these lengths are tested:
+/// a shorter one may, but not the one of another row, which would be printed twice.
+fn stands_for(trained: u64, wanted: u64, lengths: &[u64]) -> bool {
+    trained == wanted || (trained < wanted && !lengths.contains(&trained))
+}
+
 /// Where a run of a variant belongs below the folder of all runs.
 pub(crate) fn run_folder(runs: &Path, variant: &str, seed: u64) -> PathBuf {
     runs.join(format!("{variant}-seed{seed}"))
@@ -68,17 +74,20 @@ impl Policies {
     }
 
     /// The policies of a variant at a number of updates, by training seed. Where there is none that long, the longest that
-    /// is shorter.
+    /// is shorter and has no row of its own.
     pub(crate) fn of(&self, variant: &str, updates: u64) -> Result<Vec<Found>> {
         if self.trained.contains(variant) {
             return self.of_runs(variant, updates);
         }
         let Some(manifest) = &self.manifest else { return Ok(Vec::new()) };
+        let lengths = self.plan.variant(variant).updates;
         let mut found = Vec::new();
         for run in manifest.runs.iter().filter(|run| run.variant == variant) {
             self.check_setting(run)?;
-            let of_run =
-                manifest.policies.iter().filter(|policy| policy.run == run.name && policy.updates <= updates);
+            let of_run = manifest
+                .policies
+                .iter()
+                .filter(|policy| policy.run == run.name && stands_for(policy.updates, updates, lengths));
             if let Some(entry) = of_run.max_by_key(|policy| policy.updates) {
                 found.push((entry.updates, run, entry));
             }
@@ -148,5 +157,19 @@ impl Policies {
         };
         let runs = manifest.runs.iter().filter(|run| run.variant == variant);
         runs.map(|run| Ok((run.seed, run.curve.read(&self.checkpoints)?))).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::stands_for;
+
+    #[test]
+    fn a_shorter_policy_stands_in_where_it_has_no_row_of_its_own() {
+        let lengths = [5_000, 10_000];
+        assert!(stands_for(10_000, 10_000, &lengths) && stands_for(5_000, 5_000, &lengths));
+        assert!(stands_for(4, 5_000, &lengths) && stands_for(7_000, 10_000, &lengths));
+        assert!(!stands_for(5_000, 10_000, &lengths), "printed twice");
+        assert!(!stands_for(10_000, 5_000, &lengths), "too long");
     }
 }
