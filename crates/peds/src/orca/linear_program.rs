@@ -207,16 +207,15 @@ mod tests {
     fn velocities_scale_with_lines_and_speed_limit() {
         let at_least = Line { point: Vec2::new(0.6, 0.0), direction: -Vec2::Y };
         let floor = Line { point: Vec2::new(0.0, 0.3), direction: Vec2::X };
-        let solve = |lines: &[Line], max_speed, preferred| {
-            super::solve(lines, 0, max_speed, preferred, &mut Vec::new())
-        };
+        let best =
+            |lines: &[Line], max_speed, preferred| solve(lines, 0, max_speed, preferred, &mut Vec::new());
         for lines in [&[][..], &[x_at_most(0.2)], &[x_at_most(0.2), floor], &[x_at_most(0.2), at_least]] {
             for preferred in [Vec2::new(0.5, 0.1), Vec2::new(0.6, 3.0), Vec2::new(-0.1, -0.9)] {
-                let of_one = solve(lines, 1.0, preferred);
+                let of_one = best(lines, 1.0, preferred);
                 for scale in [0.25, 4.0] {
                     let scaled: Vec<Line> =
                         lines.iter().map(|line| Line { point: scale * line.point, ..*line }).collect();
-                    let got = solve(&scaled, scale, scale * preferred);
+                    let got = best(&scaled, scale, scale * preferred);
                     assert_eq!(got, scale * of_one, "{lines:?}, {preferred}, times {scale}");
                 }
             }
