@@ -175,6 +175,11 @@ mod tests {
         Line { point: Vec2::new(x, 0.0), direction: Vec2::Y }
     }
 
+    /// Allows velocities with x at least the given.
+    fn x_at_least(x: f32) -> Line {
+        Line { point: Vec2::new(x, 0.0), direction: -Vec2::Y }
+    }
+
     #[test]
     fn without_lines_the_preferred_velocity_is_clipped_to_the_circle() {
         check(&[], 0, Vec2::new(0.3, 0.4), Vec2::new(0.3, 0.4));
@@ -190,26 +195,25 @@ mod tests {
 
     #[test]
     fn contradicting_agent_lines_are_violated_equally() {
-        let at_least = Line { point: Vec2::new(0.6, 0.0), direction: -Vec2::Y };
-        let got = solve(&[x_at_most(0.2), at_least], 0, 1.0, Vec2::new(0.0, 0.1), &mut Vec::new());
+        let got = solve(&[x_at_most(0.2), x_at_least(0.6)], 0, 1.0, Vec2::new(0.0, 0.1), &mut Vec::new());
         assert!((got.x - 0.4).abs() < 1e-6, "{got}");
     }
 
     #[test]
     fn an_obstacle_line_is_kept_when_agent_lines_contradict_it() {
-        let at_least = Line { point: Vec2::new(0.6, 0.0), direction: -Vec2::Y };
-        let got = solve(&[x_at_most(0.2), at_least], 1, 1.0, Vec2::new(0.0, 0.1), &mut Vec::new());
+        let got = solve(&[x_at_most(0.2), x_at_least(0.6)], 1, 1.0, Vec2::new(0.0, 0.1), &mut Vec::new());
         assert!((got.x - 0.2).abs() < 1e-6, "{got}");
     }
 
     /// Powers of two scale without rounding.
     #[test]
     fn velocities_scale_with_lines_and_speed_limit() {
-        let at_least = Line { point: Vec2::new(0.6, 0.0), direction: -Vec2::Y };
         let floor = Line { point: Vec2::new(0.0, 0.3), direction: Vec2::X };
         let best =
             |lines: &[Line], max_speed, preferred| solve(lines, 0, max_speed, preferred, &mut Vec::new());
-        for lines in [&[][..], &[x_at_most(0.2)], &[x_at_most(0.2), floor], &[x_at_most(0.2), at_least]] {
+        for lines in
+            [&[][..], &[x_at_most(0.2)], &[x_at_most(0.2), floor], &[x_at_most(0.2), x_at_least(0.6)]]
+        {
             for preferred in [Vec2::new(0.5, 0.1), Vec2::new(0.6, 3.0), Vec2::new(-0.1, -0.9)] {
                 let of_one = best(lines, 1.0, preferred);
                 for scale in [0.25, 4.0] {

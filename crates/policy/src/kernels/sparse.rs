@@ -49,6 +49,11 @@ pub(super) fn are_few_in(rows: usize, spans: usize, x: &[f32], block_stride: usi
         kept += values.iter().filter(|value| **value != 0.0).count();
         seen += values.len();
     }
+    pays(kept, seen)
+}
+
+/// Whether leaving out zeros is faster where so many of the values seen are kept.
+fn pays(kept: usize, seen: usize) -> bool {
     (kept as f64) < DENSE * seen as f64
 }
 
@@ -78,10 +83,8 @@ pub struct Nonzeros {
     lengths: Vec<u32>,
     /// Which column of its block a list is of.
     columns: Vec<u8>,
-    /// Room of one list.
+    /// Room of one list: for all values of its row or column.
     room: usize,
-    /// Values that were looked at.
-    seen: usize,
     /// The largest offset that a list may hold.
     farthest: usize,
 }
@@ -97,7 +100,6 @@ impl Nonzeros {
     fn clear(&mut self, lists: usize, longest: usize) {
         // Registers are stored whole, but what was listed before leaves room for all that may still come.
         self.room = longest;
-        self.seen = lists * longest;
         let len = lists * self.room;
         if self.values.len() < len {
             self.values.resize(len, 0.0);
@@ -114,8 +116,8 @@ impl Nonzeros {
 
     /// Whether so few values are not zero that leaving out the others pays.
     pub(super) fn are_few(&self) -> bool {
-        let kept: usize = self.lengths.iter().map(|len| *len as usize).sum();
-        (kept as f64) < DENSE * self.seen as f64
+        let kept = self.lengths.iter().map(|len| *len as usize).sum();
+        pays(kept, self.lengths.len() * self.room)
     }
 
     /// Fills the shorter of two lists up.
