@@ -3,7 +3,7 @@
 //! A ReLU stands before the layer and one behind it, so half of its inputs and of its output gradients are zero here, as in a fresh
 //! network. Operations are counted as if they were not.
 
-use jostle_policy::kernels::{AlignedVec, Chunks, Forward, Isa, Linear, Nonzeros};
+use jostle_policy::kernels::{AlignedVec, BLOCK, Chunks, Forward, Isa, Linear};
 use rand::Rng;
 
 use crate::clock::Stopwatch;
@@ -26,8 +26,9 @@ pub struct Fc1 {
     dy: AlignedVec,
     dx: AlignedVec,
     gradient: AlignedVec,
-    nonzeros: Nonzeros,
-    columns: Vec<Nonzeros>,
+    masks: Vec<u64>,
+    dy_masks: Vec<u64>,
+    columns: Vec<u64>,
 }
 
 impl Fc1 {
@@ -51,7 +52,8 @@ impl Fc1 {
             y: AlignedVec::zeros(chunks.len(layer.outputs())),
             dx: AlignedVec::zeros(chunks.size * (layer.inputs() + ROW_GAP)),
             gradient: AlignedVec::zeros(layer.weights()),
-            nonzeros: Nonzeros::default(),
+            masks: vec![0; chunks.count * chunks.size * layer.spans()],
+            dy_masks: Vec::new(),
             columns: Vec::new(),
             bias: vec![0.1; layer.outputs()],
             layer,
@@ -72,22 +74,32 @@ impl Fc1 {
         let watch = Stopwatch::start(1);
         let (x_len, y_len) =
             (self.chunks.chunk_len(self.layer.inputs()), self.chunks.chunk_len(self.layer.outputs()));
-        for (chunk, (x, y)) in self.x.chunks(x_len).zip(self.y.chunks_mut(y_len)).enumerate() {
-            let operands = Forward::new(&self.chunks, chunk, x, y, true);
-            let nonzeros = &mut self.nonzeros;
-            self.layer.forward_behind_relu(self.isa, &self.weights, &self.bias, operands, nonzeros);
+        let (chunks, isa) = (&self.chunks, self.isa);
+        let masks = self.masks.chunks_mut(chunks.size * self.layer.spans());
+        for (chunk, ((x, y), masks)) in
+            self.x.chunks(x_len).zip(self.y.chunks_mut(y_len)).zip(masks).enumerate()
+        {
+            if self.layer.may_leave_out_zeros(isa, chunks.size) {
+                for row in 0..chunks.rows(chunk) {
+                    let x = &x[row * BLOCK..];
+                    self.layer.mask_row(isa, x, chunks.block_stride(), &mut masks[row..], chunks.size);
+                }
+            }
+            let operands = Forward::new(chunks, chunk, x, y, true);
+            self.layer.forward_behind_relu(isa, &self.weights, &self.bias, operands, masks);
         }
         watch.seconds()
     }
 
-    /// Seconds of dx = dy·Wᵀ, masked by the ReLU before.
+    /// Seconds of dx = dy·Wᵀ, masked by the ReLU before; comes after the forward product.
     pub fn input_gradient(&mut self) -> f64 {
         let watch = Stopwatch::start(1);
         let row = self.layer.inputs() + ROW_GAP;
         let (x_len, y_len) =
             (self.chunks.chunk_len(self.layer.inputs()), self.chunks.chunk_len(self.layer.outputs()));
         for (chunk, (x, dy)) in self.x.chunks(x_len).zip(self.dy.chunks(y_len)).enumerate() {
-            let (rows, dx, nonzeros) = (self.chunks.rows(chunk), &mut self.dx[..], &mut self.nonzeros);
+            let (rows, dx, dy_masks) = (self.chunks.rows(chunk), &mut self.dx[..], &mut self.dy_masks);
+            let masks = &self.masks[chunk * self.chunks.size * self.layer.spans()..];
             let (layer, transposed) = (&self.layer, &self.transposed);
             layer.input_gradient_between_relus(
                 self.isa,
@@ -96,9 +108,10 @@ impl Fc1 {
                 rows,
                 dy,
                 x,
+                masks,
                 dx,
                 row,
-                nonzeros,
+                dy_masks,
             );
         }
         watch.seconds()

@@ -5,7 +5,7 @@
 //! tiles; values are checked against sums in double precision.
 
 use jostle_policy::kernels::{
-    AdamStep, AlignedVec, Chunks, Count, Finish, Forward, Grid, HALF, Isa, Linear, Nonzeros, PANEL, Start,
+    AdamStep, AlignedVec, BLOCK, Chunks, Count, Finish, Forward, Grid, HALF, Isa, Linear, PANEL, Start,
     Steps, Strips, adam_step, outer_products, rows_times_panel,
 };
 
@@ -136,7 +136,7 @@ fn leave_out_zeros(activation: fn(f32) -> f32) {
             let dy = behind_relu(chunks.len(64), 4);
             let mut transposed = values(layer.transposed_len(), 5);
             layer.transpose(isa, &weights, &mut transposed);
-            let (mut nonzeros, mut columns) = (Nonzeros::default(), Vec::new());
+            let (mut masks, mut dy_masks, mut columns) = (vec![0; chunks.size], Vec::new(), Vec::new());
             let at = |row: usize, feature: usize| {
                 let row_in_chunk = row % chunks.size;
                 let block = feature / HALF * chunks.block_stride() + row_in_chunk * HALF + feature % HALF;
@@ -147,7 +147,11 @@ fn leave_out_zeros(activation: fn(f32) -> f32) {
                 let len = chunks.chunk_len(64);
                 let part = chunk * len..(chunk + 1) * len;
                 let forward = Forward::new(&chunks, chunk, &x[part.clone()], &mut y[part.clone()], true);
-                layer.forward_behind_relu(isa, &weights, &bias, forward, &mut nonzeros);
+                for row in 0..if layer.may_leave_out_zeros(isa, chunks.size) { forward.rows } else { 0 } {
+                    let x = &forward.x[row * BLOCK..];
+                    layer.mask_row(isa, x, chunks.block_stride(), &mut masks[row..], chunks.size);
+                }
+                layer.forward_behind_relu(isa, &weights, &bias, forward, &masks);
                 let (dy, x, rows) = (&dy[part.clone()], &x[part], chunks.rows(chunk));
                 let dx = &mut dx[chunks.first(chunk) * 64..][..rows * 64];
                 layer.input_gradient_between_relus(
@@ -157,9 +161,10 @@ fn leave_out_zeros(activation: fn(f32) -> f32) {
                     rows,
                     dy,
                     x,
+                    &masks,
                     dx,
                     64,
-                    &mut nonzeros,
+                    &mut dy_masks,
                 );
             }
             let mut gradient = values(layer.weights(), 8);

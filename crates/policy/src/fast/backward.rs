@@ -38,7 +38,8 @@ impl FastNetwork {
         memory.partial.reserve_len(chunks.count * partial_len);
         let (x, concat, h) = (&memory.x[..], &memory.concat[..], &memory.hidden[..]);
         let (scans, outputs, tokens) = (&memory.scans[..], &memory.outputs[..], &memory.tokens[..]);
-        let kept = Kept { scans, x, concat, hidden: h, outputs, tokens, d_outputs };
+        let masks = &memory.masks[..];
+        let kept = Kept { scans, x, masks, concat, hidden: h, outputs, tokens, d_outputs };
         let pool: &Pool = &self.pool;
         let slices = [
             (&mut memory.d_y[..], padded),
@@ -143,10 +144,19 @@ impl FastNetwork {
 
         let x_row = self.fc1.inputs() + ROW_GAP;
         scratch.d_x.reserve_len(chunks.size * x_row);
-        let Scratch { d_x, nonzeros, .. } = &mut *scratch;
-        let transposed = &self.transposed.fc1;
-        self.fc1
-            .input_gradient_between_relus(isa, transposed, chunks, rows, d_feature, x, d_x, x_row, nonzeros);
+        let masks = &kept.masks[kept.masks.len() / chunks.count * chunk..];
+        self.fc1.input_gradient_between_relus(
+            isa,
+            &self.transposed.fc1,
+            chunks,
+            rows,
+            d_feature,
+            x,
+            masks,
+            &mut scratch.d_x,
+            x_row,
+            &mut scratch.masks,
+        );
 
         partial.fill(0.0);
         let (conv_gradient, embedding) = partial.split_at_mut(self.conv_len());
@@ -177,6 +187,7 @@ impl FastNetwork {
 struct Kept<'a> {
     scans: &'a [f32],
     x: &'a [f32],
+    masks: &'a [u64],
     concat: &'a [f32],
     hidden: &'a [f32],
     outputs: &'a [f32],

@@ -49,6 +49,8 @@ struct Memory {
     d_h1: AlignedVec,
     d_h2: AlignedVec,
     d_y: AlignedVec,
+    /// Which of `d_h1` are not zero: a mask for each unit and chunk.
+    columns: Vec<u64>,
 }
 
 impl Mlp {
@@ -202,7 +204,7 @@ impl Network for Mlp {
             self.fc2.transpose(isa, &self.parameters[w2..], &mut self.transposed2);
             self.transposed_fresh = true;
         }
-        let Memory { x: xs, h1, h2, d_h1, d_h2, d_y, .. } = &mut self.memory;
+        let Memory { x: xs, h1, h2, d_h1, d_h2, d_y, columns, .. } = &mut self.memory;
         d_h1.reserve_len(chunks.count * h);
         d_h2.reserve_len(chunks.count * h);
         d_y.reserve_len(chunks.count * y);
@@ -227,7 +229,8 @@ impl Network for Mlp {
         let gradient = &mut self.gradient;
         let (d_h1, d_h2, d_y) =
             (&d_h1[..chunks.count * h], &d_h2[..chunks.count * h], &d_y[..chunks.count * y]);
-        self.fc1.weight_gradient(isa, &chunks, &xs[..chunks.count * x], d_h1, &mut gradient[w1..]);
+        let xs = &xs[..chunks.count * x];
+        self.fc1.weight_gradient_behind_relu(isa, &chunks, xs, d_h1, &mut gradient[w1..], columns);
         chunks.sum_rows(d_h1, self.fc1.outputs(), &mut gradient[b1..][..self.fc1.outputs()]);
         self.fc2.weight_gradient(isa, &chunks, &h1[..chunks.count * h], d_h2, &mut gradient[w2..]);
         chunks.sum_rows(d_h2, self.fc2.outputs(), &mut gradient[b2..][..self.fc2.outputs()]);

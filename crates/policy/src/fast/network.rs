@@ -9,9 +9,7 @@ use std::sync::{Arc, Mutex};
 use super::conv::{ConvParts, ConvScratch, Convolutions, TRANSPOSED2_LEN};
 use super::permutation::Permutation;
 use crate::config::{CONV1_KERNEL, CONV2_KERNEL};
-use crate::kernels::{
-    AlignedVec, BLOCK, Chunks, Forward, Head, Isa, Linear, Nonzeros, PANEL, for_each_piece,
-};
+use crate::kernels::{AlignedVec, BLOCK, Chunks, Forward, Head, Isa, Linear, PANEL, for_each_piece};
 use crate::observation::TAIL_LEN;
 use crate::{Batch, Layout, Network, NetworkConfig, Parameters, PolicyError};
 
@@ -109,8 +107,10 @@ pub(super) struct Memory {
     pub(super) d_feature: AlignedVec,
     /// Each chunk's gradient of the convolutions and of the embedding.
     pub(super) partial: AlignedVec,
-    /// What is not zero of the laser feature's gradient.
-    pub(super) columns: Vec<Nonzeros>,
+    /// Which of `x` are not zero: a mask for each span and row of a chunk. Empty where nothing is left out.
+    pub(super) masks: Vec<u64>,
+    /// Which of the laser feature's gradient are not zero: a mask for each output.
+    pub(super) columns: Vec<u64>,
 }
 
 /// Memory of one task.
@@ -121,8 +121,8 @@ pub(super) struct Scratch {
     pub(super) d_x: AlignedVec,
     /// Gradient of what stands behind the laser feature in fc2's input.
     pub(super) d_tail: AlignedVec,
-    /// What is not zero of a layer's operand.
-    pub(super) nonzeros: Nonzeros,
+    /// Which of a chunk's gradient of the laser feature are not zero.
+    pub(super) masks: Vec<u64>,
 }
 
 /// Scratch memory that tasks borrow; every task overwrites what it reads, so that it does not matter which it gets.
@@ -138,7 +138,7 @@ impl Pool {
             conv: conv.scratch(),
             d_x: AlignedVec::default(),
             d_tail: AlignedVec::default(),
-            nonzeros: Nonzeros::default(),
+            masks: Vec::new(),
         });
         work(&mut scratch);
         lock().push(scratch);
@@ -253,7 +253,10 @@ impl FastNetwork {
             [self.fc1.inputs(), self.fc2.inputs(), self.fc2.outputs(), self.head.padded()]
                 .map(|features| chunks.chunk_len(features));
         let scans_len = chunks.size * self.conv.scans_len();
-        let Memory { scans, x, concat, hidden, y, outputs, .. } = memory;
+        let may_leave_out = self.fc1.may_leave_out_zeros(self.isa, chunks.size);
+        let masks_len = if may_leave_out { self.fc1.spans() * chunks.size } else { 0 };
+        memory.masks.resize(chunks.count * masks_len, 0);
+        let Memory { scans, x, masks, concat, hidden, y, outputs, .. } = memory;
         let slices = [
             (&mut scans[..], scans_len),
             (&mut x[..], x_len),
@@ -262,8 +265,9 @@ impl FastNetwork {
             (&mut y[..], y_len),
             (&mut outputs[..], chunks.size * n_outputs),
         ];
-        for_each_piece(chunks.count, slices, &|chunk, [scans, x, concat, hidden, y, outputs]| {
-            let part = ForwardPart { chunk, scans, x, concat, hidden, y, outputs };
+        let slices = (slices, (&mut masks[..], masks_len));
+        for_each_piece(chunks.count, slices, &|chunk, ([scans, x, concat, hidden, y, outputs], masks)| {
+            let part = ForwardPart { chunk, scans, x, masks, concat, hidden, y, outputs };
             pool.with(model.conv, |scratch| model.forward(batch, &chunks, part, scratch));
         });
         chunks
@@ -275,6 +279,7 @@ struct ForwardPart<'a> {
     chunk: usize,
     scans: &'a mut [f32],
     x: &'a mut [f32],
+    masks: &'a mut [u64],
     concat: &'a mut [f32],
     hidden: &'a mut [f32],
     y: &'a mut [f32],
@@ -297,7 +302,7 @@ struct Model<'a> {
 impl Model<'_> {
     /// One chunk, from observations to outputs.
     fn forward(&self, batch: Batch<'_>, chunks: &Chunks, part: ForwardPart<'_>, scratch: &mut Scratch) {
-        let ForwardPart { chunk, scans, x, concat, hidden, y, outputs } = part;
+        let ForwardPart { chunk, scans, x, masks, concat, hidden, y, outputs } = part;
         let (rows, first) = (chunks.rows(chunk), chunks.first(chunk));
         let (isa, p) = (self.isa, self.parameters);
         let width = self.config.observation_len();
@@ -313,6 +318,10 @@ impl Model<'_> {
                 &mut x[row * BLOCK..],
                 chunks.block_stride(),
             );
+            if !masks.is_empty() {
+                let (x, masks) = (&x[row * BLOCK..], &mut masks[row..]);
+                self.fc1.mask_row(isa, x, chunks.block_stride(), masks, chunks.size);
+            }
             let feature = self.fc1.outputs();
             chunks.write_row(concat, row, feature, &observation[width - TAIL_LEN..]);
             let token = batch.token(first + row) as usize;
@@ -325,7 +334,7 @@ impl Model<'_> {
             &p[at.fc1_weight..],
             &p[at.fc1_bias..],
             Forward::new(chunks, chunk, x, concat, true),
-            &mut scratch.nonzeros,
+            masks,
         );
         self.fc2.forward(
             isa,

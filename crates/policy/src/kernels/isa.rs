@@ -28,7 +28,10 @@ impl Isa {
         let mut found = Vec::new();
         #[cfg(target_arch = "x86_64")]
         {
-            let has_avx2 = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
+            // BMI1 came with AVX2: the sparse kernels walk over bits with it.
+            let has_avx2 = is_x86_feature_detected!("avx2")
+                && is_x86_feature_detected!("fma")
+                && is_x86_feature_detected!("bmi1");
             // Some kernels for AVX-512 use parts for AVX2.
             if has_avx2 && is_x86_feature_detected!("avx512f") {
                 found.push(Self(Level::Avx512));

@@ -17,13 +17,13 @@
 use super::blocked::{BLOCK, Chunks};
 use super::outer::{Count, Steps, outer_products};
 use super::rows::{Finish, Grid, HALF, PANEL, Start, Strips, rows_times_panel};
-use super::sparse::{self, Nonzeros, Panels, QUARTERS, Rows, SPAN, rows_times_span, span_gradient};
+use super::sparse::{
+    self, After, CHUNKS_AT_ONCE, QUARTERS, SPAN, SpanGradient, SpanProduct, rows_times_span, span_gradient,
+};
 use super::{Isa, for_each_piece};
 
 /// Inputs of a group.
 const GROUP: usize = 256;
-/// Chunks summed in registers by one weight-gradient tile: 192 rows, 12 KB of inputs and 24 KB of output gradients.
-const CHUNKS_AT_ONCE: usize = 3;
 
 /// The shape of a linear layer whose number of outputs is a multiple of 32.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -92,46 +92,72 @@ impl Linear {
         }
     }
 
+    /// Whether the products behind a ReLU may leave out zeros and need masks for it: both sides are made of whole spans, no
+    /// group of inputs cuts one, and there are enough rows in a chunk.
+    pub fn may_leave_out_zeros(&self, isa: Isa, rows: usize) -> bool {
+        self.inputs.is_multiple_of(SPAN)
+            && self.outputs.is_multiple_of(SPAN)
+            && sparse::is_worth_a_look(isa, rows)
+    }
+
+    /// Masks of a row of inputs: one for each 64.
+    pub fn spans(&self) -> usize {
+        self.inputs / SPAN
+    }
+
+    /// Says which inputs of one row of a chunk are not zero: bit i of mask `span · step` is input i of the span.
+    ///
+    /// `x` and `masks` start at the row; masks of a chunk are `[span][row]` with room for as many rows as a chunk has.
+    ///
+    /// # Panics
+    ///
+    /// If zeros may not be left out, or an operand is too short.
+    pub fn mask_row(&self, isa: Isa, x: &[f32], block_stride: usize, masks: &mut [u64], step: usize) {
+        sparse::mask_row(isa, self.spans(), x, block_stride, masks, step);
+    }
+
     /// [`forward`](Self::forward) for inputs that come out of a ReLU: zeros are left out where that is faster. The bits are
     /// the same.
+    ///
+    /// `masks` are the chunk's by [`mask_row`](Self::mask_row), where zeros may be left out.
     pub fn forward_behind_relu(
         &self,
         isa: Isa,
         weights: &[f32],
         bias: &[f32],
         chunk: Forward<'_>,
-        nonzeros: &mut Nonzeros,
+        masks: &[u64],
     ) {
-        let (n_spans, n_pairs) = (self.inputs / SPAN, self.outputs / SPAN);
-        let stride = chunk.chunks.block_stride();
-        if !self.divides_into_spans()
-            || !sparse::is_worth_a_look(isa, chunk.rows)
-            || !sparse::are_few_in(chunk.rows, n_spans, chunk.x, stride)
-        {
+        if !self.may_leave_out_zeros(isa, chunk.rows) {
             return self.forward(isa, weights, bias, chunk);
         }
-        let Forward { rows, x, y, relu, .. } = chunk;
+        let (n_spans, n_pairs) = (self.spans(), self.outputs / SPAN);
+        let Forward { chunks, rows, x, y, relu } = chunk;
+        let masks = |span: usize| &masks[span * chunks.size..][..rows];
+        if !sparse::are_few((0..n_spans).map(masks), rows * self.inputs) {
+            return self.forward(isa, weights, bias, Forward { chunks, rows, x, y, relu });
+        }
+        let stride = chunks.block_stride();
         let panel =
             |span: usize, panel: usize| &weights[self.index(span * SPAN, panel * PANEL)..][..SPAN * PANEL];
-        for span in 0..n_spans {
-            let x = &x[span * QUARTERS * stride..];
-            nonzeros.of_rows(isa, rows, 1, x, stride);
-            let finish = if relu && span + 1 == n_spans { Finish::Relu } else { Finish::Store };
-            let start = |at: usize| if span == 0 { Start::Bias(&bias[at..]) } else { Start::Accumulate };
-            for pair in 0..n_pairs {
-                let panels = |span, pair| [panel(span, 2 * pair), panel(span, 2 * pair + 1)];
-                let behind = (span * n_pairs + pair + 1).min(n_spans * n_pairs - 1);
-                let next = panels(behind / n_pairs, behind % n_pairs);
-                let out = Grid { data: &mut y[pair * QUARTERS * stride..], row: BLOCK, half: stride };
-                let start = start(pair * SPAN);
-                rows_times_span(isa, rows, nonzeros, 0, panels(span, pair), next, start, finish, out);
-            }
+        let panels = |product: usize| {
+            let (span, pair) = (product / n_pairs, product % n_pairs);
+            [panel(span, 2 * pair), panel(span, 2 * pair + 1)]
+        };
+        for product in 0..n_spans * n_pairs {
+            let (span, pair) = (product / n_pairs, product % n_pairs);
+            let product = SpanProduct {
+                x: &x[span * QUARTERS * stride..],
+                block_stride: stride,
+                masks: masks(span),
+                panels: panels(product),
+                next: panels((product + 1).min(n_spans * n_pairs - 1)),
+                start: if span == 0 { Start::Bias(&bias[pair * SPAN..]) } else { Start::Accumulate },
+                after: if relu && span + 1 == n_spans { After::Relu } else { After::Store },
+                out: Grid { data: &mut y[pair * QUARTERS * stride..], row: BLOCK, half: stride },
+            };
+            rows_times_span(isa, product);
         }
-    }
-
-    /// Whether both sides are made of whole spans, no group of inputs cutting one.
-    fn divides_into_spans(&self) -> bool {
-        self.inputs.is_multiple_of(SPAN) && self.outputs.is_multiple_of(SPAN)
     }
 
     /// One panel of one group: the whole blocks, then what is left of the inputs.
@@ -216,6 +242,9 @@ impl Linear {
 
     /// Input gradient of one chunk where both sides of the layer are behind a ReLU: `dx = dy · Wᵀ` where `x` is positive,
     /// else 0, as rows `dx_row` apart. Zeros of `dy` are left out where that is faster; the bits are the same.
+    ///
+    /// `masks` are those of `x`, as in the forward pass: what comes out of a ReLU is positive where it is not zero. Those of `dy`
+    /// are made in `dy_masks`.
     #[allow(clippy::too_many_arguments)] // The operands of one product.
     pub fn input_gradient_between_relus(
         &self,
@@ -225,17 +254,23 @@ impl Linear {
         rows: usize,
         dy: &[f32],
         x: &[f32],
+        masks: &[u64],
         dx: &mut [f32],
         dx_row: usize,
-        nonzeros: &mut Nonzeros,
+        dy_masks: &mut Vec<u64>,
     ) {
         let stride = chunks.block_stride();
         let spans = self.outputs / SPAN;
-        let can_leave_out = self.divides_into_spans() && sparse::is_worth_a_look(isa, rows);
-        if can_leave_out {
-            nonzeros.of_rows(isa, rows, spans, dy, stride);
+        let mut leave_out = self.may_leave_out_zeros(isa, rows);
+        if leave_out {
+            dy_masks.clear();
+            dy_masks.resize(spans * rows, 0);
+            for row in 0..rows {
+                sparse::mask_row(isa, spans, &dy[row * BLOCK..], stride, &mut dy_masks[row..], rows);
+            }
+            leave_out = sparse::are_few([&dy_masks[..]].into_iter(), rows * self.outputs);
         }
-        if !can_leave_out || !nonzeros.are_few() {
+        if !leave_out {
             for panel in 0..self.transposed_panels() {
                 let mask = Grid { data: &x[panel * 2 * stride..], row: BLOCK, half: stride };
                 let dx = Grid { data: &mut dx[panel * PANEL..], row: dx_row, half: HALF };
@@ -243,37 +278,31 @@ impl Linear {
             }
             return;
         }
-        let n_pairs = self.inputs / SPAN;
-        let panels = |pair: usize, span: usize| {
+        let n_products = self.spans() * spans;
+        let panels = |product: usize| {
+            let (pair, span) = (product / spans, product % spans);
             [2 * pair, 2 * pair + 1]
                 .map(|panel| &transposed[(panel * self.outputs + span * SPAN) * PANEL..][..SPAN * PANEL])
         };
-        for pair in 0..n_pairs {
-            let mask = Grid { data: &x[pair * QUARTERS * stride..], row: BLOCK, half: stride };
-            for span in 0..spans {
-                let behind = (pair * spans + span + 1).min(n_pairs * spans - 1);
-                let next = panels(behind / spans, behind % spans);
-                let start = if span == 0 { Start::Zero } else { Start::Accumulate };
-                let finish = if span + 1 == spans { Finish::Mask(mask) } else { Finish::Store };
-                let out = Grid { data: &mut dx[pair * SPAN..], row: dx_row, half: HALF };
-                let first_list = span * rows;
-                rows_times_span(
-                    isa,
-                    rows,
-                    nonzeros,
-                    first_list,
-                    panels(pair, span),
-                    next,
-                    start,
-                    finish,
-                    out,
-                );
-            }
+        for product in 0..n_products {
+            let (pair, span) = (product / spans, product % spans);
+            let kept = &masks[pair * chunks.size..][..rows];
+            let product = SpanProduct {
+                x: &dy[span * QUARTERS * stride..],
+                block_stride: stride,
+                masks: &dy_masks[span * rows..][..rows],
+                panels: panels(product),
+                next: panels((product + 1).min(n_products - 1)),
+                start: if span == 0 { Start::Zero } else { Start::Accumulate },
+                after: if span + 1 == spans { After::Keep(kept) } else { After::Store },
+                out: Grid { data: &mut dx[pair * SPAN..], row: dx_row, half: HALF },
+            };
+            rows_times_span(isa, product);
         }
     }
 
     /// [`weight_gradient`](Self::weight_gradient) for output gradients behind a ReLU: zeros of `dy` are left out where
-    /// that is faster; the bits are the same.
+    /// that is faster; the bits are the same. `columns` is memory for masks.
     #[allow(clippy::too_many_arguments)] // The operands of one product.
     pub fn weight_gradient_behind_relu(
         &self,
@@ -282,38 +311,33 @@ impl Linear {
         x: &[f32],
         dy: &[f32],
         gradient: &mut [f32],
-        columns: &mut Vec<Nonzeros>,
+        columns: &mut Vec<u64>,
     ) {
-        if !self.divides_into_spans() || !sparse::is_worth_a_look(isa, chunks.batch) {
+        if !self.outputs.is_multiple_of(SPAN) || !sparse::is_worth_a_look(isa, chunks.batch) {
             return self.weight_gradient(isa, chunks, x, dy, gradient);
         }
-        let stride = chunks.block_stride();
-        let (x_chunk, dy_chunk) = (chunks.chunk_len(self.inputs), chunks.chunk_len(self.outputs));
-        let n_runs = chunk_runs(chunks).count();
-        if columns.len() < n_runs {
-            columns.resize_with(n_runs, Nonzeros::default);
-        }
-        let columns = &mut columns[..n_runs];
-        let rows = |count: Count| Rows { chunks: count.segments, of_each: count.steps, dy_chunk, x_chunk };
-        for (columns, (first, count)) in columns.iter_mut().zip(chunk_runs(chunks)) {
-            columns.of_columns(isa, self.outputs, &dy[first * dy_chunk..], rows(count), stride);
-        }
-        if !columns.iter().all(Nonzeros::are_few) {
+        sparse::mask_columns(isa, chunks, self.outputs, dy, columns);
+        if !sparse::are_few([&columns[..]].into_iter(), chunks.batch * self.outputs) {
             return self.weight_gradient(isa, chunks, x, dy, gradient);
         }
-        let columns = &*columns;
-        let gradient = &mut gradient[..self.weights()];
+        let (columns, gradient) = (&columns[..], &mut gradient[..self.weights()]);
         for_each_piece(self.groups(), [(gradient, GROUP * self.outputs)], &|group, [gradient]| {
             let inputs = gradient.len() / self.outputs;
+            let x = &x[group * (GROUP / BLOCK) * chunks.block_stride()..];
             for span in 0..inputs / SPAN {
-                let x = &x[(group * (GROUP / BLOCK) + span * QUARTERS) * stride..];
-                let gradient = &mut gradient[span * SPAN * PANEL..];
-                for (columns, (first, count)) in columns.iter().zip(chunk_runs(chunks)) {
-                    let x = &x[first * x_chunk..];
-                    let gradient = Panels { data: &mut *gradient, stride: inputs * PANEL };
-                    span_gradient(isa, columns, rows(count), x, stride, first > 0, gradient);
-                }
+                let product = SpanGradient {
+                    chunks,
+                    outputs: self.outputs,
+                    dy,
+                    columns,
+                    x: &x[span * QUARTERS * chunks.block_stride()..],
+                    x_chunk: chunks.chunk_len(self.inputs),
+                    gradient: &mut gradient[span * SPAN * PANEL..],
+                    panel_stride: inputs * PANEL,
+                };
+                span_gradient(isa, product);
             }
+            self.group_gradient(isa, chunks, x, dy, inputs / SPAN * QUARTERS, gradient);
         });
     }
 
@@ -324,16 +348,24 @@ impl Linear {
         let gradient = &mut gradient[..self.weights()];
         for_each_piece(self.groups(), [(gradient, GROUP * self.outputs)], &|group, [gradient]| {
             let x = &x[group * (GROUP / BLOCK) * chunks.block_stride()..];
-            self.group_gradient(isa, chunks, x, dy, gradient);
+            self.group_gradient(isa, chunks, x, dy, 0, gradient);
         });
     }
 
-    /// The weight gradient of one group; `x` starts at its first block.
-    fn group_gradient(&self, isa: Isa, chunks: &Chunks, x: &[f32], dy: &[f32], gradient: &mut [f32]) {
+    /// The weight gradient of one group from the block `first_block` on; `x` starts at the group's first block.
+    fn group_gradient(
+        &self,
+        isa: Isa,
+        chunks: &Chunks,
+        x: &[f32],
+        dy: &[f32],
+        first_block: usize,
+        gradient: &mut [f32],
+    ) {
         let inputs = gradient.len() / self.outputs;
         let stride = chunks.block_stride();
         let (x_chunk, dy_chunk) = (chunks.chunk_len(self.inputs), chunks.chunk_len(self.outputs));
-        for block in 0..inputs.div_ceil(BLOCK) {
+        for block in first_block..inputs.div_ceil(BLOCK) {
             let rows = BLOCK.min(inputs - block * BLOCK);
             for (first, count) in chunk_runs(chunks) {
                 let a = Steps {

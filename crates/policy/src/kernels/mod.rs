@@ -31,7 +31,7 @@ pub mod linear;
 pub mod outer;
 mod pieces;
 pub mod rows;
-pub mod sparse;
+mod sparse;
 mod tile;
 mod transpose;
 
@@ -47,4 +47,3 @@ pub use linear::{Forward, Linear};
 pub use outer::{Count, Steps, outer_products};
 pub(crate) use pieces::for_each_piece;
 pub use rows::{Finish, Grid, HALF, PANEL, Start, Strips, rows_times_panel};
-pub use sparse::Nonzeros;

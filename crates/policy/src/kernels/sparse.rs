@@ -1,8 +1,8 @@
 //! Products that leave out what a ReLU made zero.
 //!
 //! Behind a ReLU about half of the activations are zero, and of the gradients that come back through it two thirds. A
-//! dense product multiplies them all the same. Here the values of a row that are not zero are first listed with their
-//! places; then each of them is broadcast and multiplied by 64 values of the other operand, which stay in the first-level
+//! dense product multiplies them all the same. Here one bit for each value of a row says whether it is zero; those that are
+//! not are broadcast, one after the other, and multiplied by 64 values of the other operand, which stay in the first-level
 //! cache. That reads an operand of the multiply-add from memory each time, where the dense tiles of
 //! [`rows`](super::rows) keep it in a register for 14 rows, so it pays where the share of values that are not zero is below
 //! `DENSE`; above it the dense product is used.
@@ -16,45 +16,28 @@
 //!
 //! # Shapes
 //!
-//! A *span* is 64 features, or outputs: four blocks of 16.
+//! A *span* is 64 features, outputs or rows: the bits of a mask, and four blocks of 16.
 
 use super::Isa;
-use super::blocked::BLOCK;
+use super::blocked::{BLOCK, Chunks};
 use super::isa::Level;
-use super::rows::{Finish, Grid, PANEL, Start};
+use super::rows::{Grid, PANEL, Start};
 
-/// Features that a listed value is multiplied by, and features of a list: four registers of AVX-512, eight of AVX2.
+/// Features that a value is multiplied by, and bits of a mask: four registers of AVX-512, eight of AVX2.
 pub(super) const SPAN: usize = 64;
 /// Blocks of a span.
 pub(super) const QUARTERS: usize = SPAN / BLOCK;
 /// Above this share of values that are not zero the dense product is faster. Measured at 4096 × 256 on a processor with one
 /// 512-bit multiply-add a cycle: 1.4 to 2 times faster at a share of 0.3, 1.1 to 1.3 at 0.5, even at 0.6 to 0.7.
-const DENSE: f64 = 0.6;
-/// Which part of the spans is counted to know the share.
-const SAMPLED: usize = 8;
+const DENSE: f64 = 0.75;
 /// Fewer rows than this are bound by reading the weights, not by arithmetic.
 const ROWS_MIN: usize = 16;
+/// Chunks whose sums a weight gradient makes from zero before it adds them to the others': 192 rows.
+pub(super) const CHUNKS_AT_ONCE: usize = 3;
 
 /// Whether products may leave out zeros: the processor has the instructions, and there are enough rows.
 pub(super) fn is_worth_a_look(isa: Isa, rows: usize) -> bool {
     is_available(isa) && rows >= ROWS_MIN
-}
-
-/// Whether so few values of a chunk in blocks are not zero that leaving out the others pays, going by one span in
-/// `SAMPLED` of all.
-pub(super) fn are_few_in(rows: usize, spans: usize, x: &[f32], block_stride: usize) -> bool {
-    let (mut kept, mut seen) = (0, 0);
-    for block in (0..spans).step_by(SAMPLED).flat_map(|span| span * QUARTERS..(span + 1) * QUARTERS) {
-        let values = &x[block * block_stride..][..rows * BLOCK];
-        kept += values.iter().filter(|value| **value != 0.0).count();
-        seen += values.len();
-    }
-    pays(kept, seen)
-}
-
-/// Whether leaving out zeros is faster where so many of the values seen are kept.
-fn pays(kept: usize, seen: usize) -> bool {
-    (kept as f64) < DENSE * seen as f64
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -67,273 +50,203 @@ fn is_available(_: Isa) -> bool {
     false
 }
 
-/// Whether lists are worked off two at a time.
-fn works_in_pairs(isa: Isa) -> bool {
-    isa.0 == Level::Avx512
+/// Whether so few of `all` values have a bit in the masks that leaving out the others pays.
+pub(super) fn are_few<'a>(masks: impl Iterator<Item = &'a [u64]>, all: usize) -> bool {
+    let kept: u32 = masks.flatten().map(|mask| mask.count_ones()).sum();
+    f64::from(kept) < DENSE * all as f64
 }
 
-/// Lists of the values that are not zero, each with where its partner starts in the other operand.
+/// Sets bit i of mask number `span · step` where feature i of that span of a row in blocks is not zero.
 ///
-/// For AVX-512, lists 2·i and 2·i + 1 are a pair, worked off together: the shorter one is filled up with zeros. The memory
-/// grows to the largest use and stays.
-#[derive(Debug, Clone, Default)]
-pub struct Nonzeros {
-    offsets: Vec<u32>,
-    values: Vec<f32>,
-    lengths: Vec<u32>,
-    /// Which column of its block a list is of.
-    columns: Vec<u8>,
-    /// Room of one list: for all values of its row or column.
-    room: usize,
-    /// The largest offset that a list may hold.
-    farthest: usize,
-}
-
-/// One list.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct List<'a> {
-    pub(super) offsets: &'a [u32],
-    pub(super) values: &'a [f32],
-}
-
-impl Nonzeros {
-    fn clear(&mut self, lists: usize, longest: usize) {
-        // Registers are stored whole, but what was listed before leaves room for all that may still come.
-        self.room = longest;
-        let len = lists * self.room;
-        if self.values.len() < len {
-            self.values.resize(len, 0.0);
-            self.offsets.resize(len, 0);
-        }
-        self.lengths.clear();
-        self.lengths.resize(lists, 0);
-    }
-
-    pub(super) fn list(&self, list: usize) -> List<'_> {
-        let range = list * self.room..list * self.room + self.lengths[list] as usize;
-        List { offsets: &self.offsets[range.clone()], values: &self.values[range] }
-    }
-
-    /// Whether so few values are not zero that leaving out the others pays.
-    pub(super) fn are_few(&self) -> bool {
-        let kept = self.lengths.iter().map(|len| *len as usize).sum();
-        pays(kept, self.lengths.len() * self.room)
-    }
-
-    /// Fills the shorter of two lists up.
-    fn even_out(&mut self, list: usize, other: usize) {
-        let len = self.lengths[list].max(self.lengths[other]);
-        for list in [list, other] {
-            let range = list * self.room + self.lengths[list] as usize..list * self.room + len as usize;
-            self.values[range.clone()].fill(0.0);
-            self.offsets[range].fill(0);
-            self.lengths[list] = len;
-        }
-    }
-
-    /// One list for each span and row of a chunk in blocks: list `span · rows + row`. A value's partner is the row of a
-    /// panel (32 values) with its number in the span.
-    pub(super) fn of_rows(&mut self, isa: Isa, rows: usize, spans: usize, x: &[f32], block_stride: usize) {
-        self.clear(spans * rows, SPAN);
-        self.farthest = (SPAN - 1) * PANEL;
-        let needed = (spans * QUARTERS - 1) * block_stride + rows * BLOCK;
-        assert!(x.len() >= needed, "activations: {} < {needed}", x.len());
-        for list in 0..spans * rows {
-            let (span, row) = (list / rows, list % rows);
-            let x = &x[span * QUARTERS * block_stride + row * BLOCK..];
-            let range = list * self.room..(list + 1) * self.room;
-            let (offsets, values) = (&mut self.offsets[range.clone()], &mut self.values[range]);
-            self.lengths[list] = match isa.0 {
-                // SAFETY: an `Isa` exists only where the processor has it; a list has room for a span,
-                // and the length of `x` is checked above.
-                #[cfg(target_arch = "x86_64")]
-                Level::Avx512 => unsafe { super::avx512_sparse::list(x, block_stride, offsets, values) },
-                // SAFETY: as above.
-                #[cfg(target_arch = "x86_64")]
-                Level::Avx2 => unsafe { super::avx2_sparse::list(x, block_stride, offsets, values) },
-                _ => unreachable!("callers ask whether this is available"),
-            };
-            if row % 2 == 1 && works_in_pairs(isa) {
-                self.even_out(list - 1, list);
-            }
-        }
-    }
-
-    /// One list for each output and chunk of output gradients in blocks. A value's partner is its row of the chunk.
-    ///
-    /// Lists `chunk · outputs + block · 16 ..` are those of a block. Where lists are worked off in pairs they are in the order
-    /// of their lengths, shorter ones first: some outputs pass a gradient for every row and some for none, and in trained
-    /// networks pairs of neighbours would be filled up by more than half. [`Self::column`] says which output it is.
-    pub(super) fn of_columns(
-        &mut self,
-        isa: Isa,
-        outputs: usize,
-        dy: &[f32],
-        rows: Rows,
-        block_stride: usize,
-    ) {
-        self.clear(rows.chunks * outputs, rows.of_each);
-        self.columns.resize(rows.chunks * outputs, 0);
-        self.farthest = (rows.of_each - 1) * BLOCK;
-        for first in (0..rows.chunks * outputs).step_by(BLOCK) {
-            let (chunk, output) = (first / outputs, first % outputs);
-            let dy = &dy[chunk * rows.dy_chunk + output / BLOCK * block_stride..][..rows.of_each * BLOCK];
-            let (dy, _) = dy.as_chunks::<BLOCK>();
-            let mut lengths = [0; BLOCK];
-            for dy in dy {
-                lengths.iter_mut().zip(dy).for_each(|(len, value)| *len += u32::from(*value != 0.0));
-            }
-            let mut order: [usize; BLOCK] = std::array::from_fn(|column| column);
-            if works_in_pairs(isa) {
-                order.sort_unstable_by_key(|column| (lengths[*column], *column));
-            }
-            let mut at = [0; BLOCK];
-            for (list, column) in (first..).zip(order) {
-                at[column] = list * self.room;
-                (self.lengths[list], self.columns[list]) = (lengths[column], column as u8);
-            }
-            for (row, dy) in dy.iter().enumerate() {
-                for (at, value) in at.iter_mut().zip(dy) {
-                    // Written in any case and kept if it counts: a branch on random values would cost more.
-                    self.values[*at] = *value;
-                    self.offsets[*at] = (row * BLOCK) as u32;
-                    *at += usize::from(*value != 0.0);
-                }
-            }
-            if works_in_pairs(isa) {
-                (first..first + BLOCK).step_by(2).for_each(|list| self.even_out(list, list + 1));
-            }
-        }
-    }
-
-    /// Which output a list of columns is of, within its block of 16.
-    pub(super) fn column(&self, list: usize) -> usize {
-        usize::from(self.columns[list])
-    }
-}
-
-/// Rows of several chunks of one size.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Rows {
-    pub(super) chunks: usize,
-    pub(super) of_each: usize,
-    /// Distance between two chunks of output gradients.
-    pub(super) dy_chunk: usize,
-    /// Distance between two chunks of inputs.
-    pub(super) x_chunk: usize,
-}
-
-/// `out[row, 0..64] = finish(start + Σ value · panels[offset, 0..64])` for the lists `first_list ..` of the rows.
+/// # Panics
 ///
-/// `panels` are two panels of 32 columns with a row for each feature of the span. Four blocks of `out` (and of a mask)
-/// lie `half` apart.
+/// If an operand is too short for so many spans.
+pub(super) fn mask_row(
+    isa: Isa,
+    spans: usize,
+    x: &[f32],
+    block_stride: usize,
+    masks: &mut [u64],
+    step: usize,
+) {
+    let needed = (spans * QUARTERS).saturating_sub(1) * block_stride + BLOCK;
+    assert!(x.len() >= needed, "activations: {} < {needed}", x.len());
+    let masks = masks.iter_mut().step_by(step).take(spans);
+    assert!(masks.len() == spans, "{} masks of {spans} spans", masks.len());
+    match isa.0 {
+        // SAFETY: an `Isa` exists only where the processor has it; the length of `x` is checked above.
+        #[cfg(target_arch = "x86_64")]
+        Level::Avx512 => unsafe { super::avx512_sparse::mask_row(x, block_stride, masks) },
+        // SAFETY: as above.
+        #[cfg(target_arch = "x86_64")]
+        Level::Avx2 => unsafe { super::avx2_sparse::mask_row(x, block_stride, masks) },
+        _ => unreachable!("callers ask whether this is available"),
+    }
+}
+
+/// One mask for each output and chunk of output gradients in blocks: number `chunk · outputs + output`. Bit i is row i of
+/// the chunk.
+pub(super) fn mask_columns(isa: Isa, chunks: &Chunks, outputs: usize, dy: &[f32], masks: &mut Vec<u64>) {
+    assert!(chunks.size <= SPAN && outputs.is_multiple_of(BLOCK), "{chunks:?}, {outputs} outputs");
+    masks.clear();
+    masks.resize(chunks.count * outputs, 0);
+    let (masks, _) = masks.as_chunks_mut::<BLOCK>();
+    for (block, masks) in masks.iter_mut().enumerate() {
+        let (chunk, block) = (block * BLOCK / outputs, block * BLOCK % outputs / BLOCK);
+        let dy = &dy[chunk * chunks.chunk_len(outputs) + block * chunks.block_stride()..];
+        let (dy, _) = dy[..chunks.rows(chunk) * BLOCK].as_chunks::<BLOCK>();
+        match isa.0 {
+            // SAFETY: an `Isa` exists only where the processor has it.
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx512 => unsafe { super::avx512_sparse::mask_block(dy, masks) },
+            // SAFETY: as above.
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx2 => unsafe { super::avx2_sparse::mask_block(dy, masks) },
+            _ => unreachable!("callers ask whether this is available"),
+        }
+    }
+}
+
+/// Sets bit i of a column's mask where row i is not zero there; compiled for each set of instructions.
+#[inline]
+pub(super) fn mask_block(rows: &[[f32; BLOCK]], masks: &mut [u64; BLOCK]) {
+    let mut own = [0; BLOCK];
+    for (bit, row) in rows.iter().enumerate() {
+        own.iter_mut().zip(row).for_each(|(mask, value)| *mask |= u64::from(*value != 0.0) << bit);
+    }
+    *masks = own;
+}
+
+/// What is done to a finished sum.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum After<'a> {
+    /// Nothing.
+    Store,
+    /// max(sum, 0).
+    Relu,
+    /// The sum where the row's mask has a bit, else 0.
+    Keep(&'a [u64]),
+}
+
+/// One span of a product of rows and 64 columns.
+#[derive(Debug)]
+pub(super) struct SpanProduct<'a> {
+    /// The rows from the span's first block on.
+    pub(super) x: &'a [f32],
+    /// Distance between two blocks of `x`.
+    pub(super) block_stride: usize,
+    /// For each row, which values are not zero.
+    pub(super) masks: &'a [u64],
+    /// Two panels of 32 columns, a row for each feature of the span.
+    pub(super) panels: [&'a [f32]; 2],
+    /// The panels that are asked for next, to be fetched meanwhile.
+    pub(super) next: [&'a [f32]; 2],
+    /// What the sums start from.
+    pub(super) start: Start<'a>,
+    /// What is done to a finished sum.
+    pub(super) after: After<'a>,
+    /// The output; four blocks of it lie `half` apart.
+    pub(super) out: Grid<&'a mut [f32]>,
+}
+
+/// `out[row, 0..64] = after(start + Σ_i x[row, i] · panels[i, 0..64])`.
 ///
 /// # Panics
 ///
 /// If an operand is too short for its shape.
-#[allow(clippy::too_many_arguments)] // The operands of one product.
-pub(super) fn rows_times_span(
-    isa: Isa,
-    rows: usize,
-    nonzeros: &Nonzeros,
-    first_list: usize,
-    panels: [&[f32]; 2],
-    next: [&[f32]; 2],
-    start: Start<'_>,
-    finish: Finish<'_>,
-    mut out: Grid<&mut [f32]>,
-) {
-    let needed = nonzeros.farthest + PANEL;
-    assert!(panels.iter().all(|panel| panel.len() >= needed), "a panel is shorter than {needed}");
-    let needed = |row: usize, quarter: usize| (rows - 1) * row + (QUARTERS - 1) * quarter + BLOCK;
-    assert!(rows > 0 && out.data.len() >= needed(out.row, out.half), "output too short: {}", out.data.len());
+pub(super) fn rows_times_span(isa: Isa, mut product: SpanProduct<'_>) {
+    let SpanProduct { x, block_stride, masks, panels, start, after, out, .. } = &product;
+    let rows = masks.len();
+    assert!(rows > 0, "a product of no rows");
+    let needed = (QUARTERS - 1) * block_stride + rows * BLOCK;
+    assert!(x.len() >= needed, "left operand: {} < {needed}", x.len());
+    assert!(panels.iter().all(|panel| panel.len() >= SPAN * PANEL), "a panel is too short");
+    let needed = (rows - 1) * out.row + (QUARTERS - 1) * out.half + BLOCK;
+    assert!(out.data.len() >= needed, "output: {} < {needed}", out.data.len());
     if let Start::Bias(bias) = start {
         assert!(bias.len() >= SPAN, "bias too short: {}", bias.len());
     }
-    if let Finish::Mask(mask) = finish {
-        assert!(mask.data.len() >= needed(mask.row, mask.half), "mask too short: {}", mask.data.len());
+    if let After::Keep(kept) = after {
+        assert!(kept.len() == rows, "{} masks for {rows} rows of output", kept.len());
     }
     match isa.0 {
-        // SAFETY: an `Isa` exists only where the processor has it; lengths are checked above, and no offset is beyond
-        // `farthest`.
+        // SAFETY: an `Isa` exists only where the processor has it; lengths are checked above.
         #[cfg(target_arch = "x86_64")]
-        Level::Avx512 => unsafe {
-            super::avx512_sparse::rows(rows, nonzeros, first_list, panels, next, start, finish, &mut out);
-        },
+        Level::Avx512 => unsafe { super::avx512_sparse::rows(&mut product) },
         // SAFETY: as above.
         #[cfg(target_arch = "x86_64")]
-        Level::Avx2 => unsafe {
-            super::avx2_sparse::rows(rows, nonzeros, first_list, panels, next, start, finish, &mut out);
-        },
-        _ => {
-            let _ = (nonzeros, first_list, next, out);
-            unreachable!("callers ask whether this is available")
-        }
+        Level::Avx2 => unsafe { super::avx2_sparse::rows(&mut product) },
+        _ => unreachable!("callers ask whether this is available: {product:?}"),
     }
 }
 
-/// A span of inputs of a weight gradient: `gradient[output panel][input][32] (+)= Σ_row x[row, input] · dy[row, output]`,
-/// where `columns` are of these rows and outputs.
-///
-/// `x` starts at the span's first block; `gradient` at the span's first input, panels lying `panel_stride` apart.
+/// A span of inputs of a weight gradient.
+#[derive(Debug)]
+pub(super) struct SpanGradient<'a> {
+    pub(super) chunks: &'a Chunks,
+    /// Number of outputs.
+    pub(super) outputs: usize,
+    /// The output gradients of the batch.
+    pub(super) dy: &'a [f32],
+    /// Which of them are not zero, as [`mask_columns`] says.
+    pub(super) columns: &'a [u64],
+    /// The inputs of the batch from the span's first block on.
+    pub(super) x: &'a [f32],
+    /// Distance between two chunks of inputs.
+    pub(super) x_chunk: usize,
+    /// The gradient from the span's first input on: panels of 32 outputs, `panel_stride` apart.
+    pub(super) gradient: &'a mut [f32],
+    pub(super) panel_stride: usize,
+}
+
+impl SpanGradient<'_> {
+    /// Whether a sum from zero begins with this chunk: every third, and the last if it has fewer rows.
+    pub(super) fn starts_from_zero(&self, chunk: usize) -> bool {
+        chunk.is_multiple_of(CHUNKS_AT_ONCE) || self.chunks.rows(chunk) < self.chunks.size
+    }
+}
+
+/// `gradient[output panel][input][32] = Σ_row x[row, input] · dy[row, output]`, summed as by
+/// [`Linear::weight_gradient`](super::Linear::weight_gradient).
 ///
 /// # Panics
 ///
 /// If an operand is too short for its shape.
-pub(super) fn span_gradient(
-    isa: Isa,
-    columns: &Nonzeros,
-    rows: Rows,
-    x: &[f32],
-    block_stride: usize,
-    accumulate: bool,
-    mut gradient: Panels<'_>,
-) {
-    let outputs = columns.lengths.len() / rows.chunks;
-    let needed = (rows.chunks - 1) * rows.x_chunk + columns.farthest + (QUARTERS - 1) * block_stride + BLOCK;
+pub(super) fn span_gradient(isa: Isa, mut product: SpanGradient<'_>) {
+    let SpanGradient { chunks, outputs, dy, columns, x, x_chunk, gradient, panel_stride } = &product;
+    assert!(
+        outputs.is_multiple_of(SPAN) && *outputs > 0 && chunks.count > 0,
+        "{outputs} outputs, {chunks:?}"
+    );
+    assert!(columns.len() == chunks.count * outputs, "{} masks of columns", columns.len());
+    let of_chunk = |blocks: usize| (blocks - 1) * chunks.block_stride() + chunks.size * BLOCK;
+    let needed = (chunks.count - 1) * x_chunk + of_chunk(QUARTERS);
     assert!(x.len() >= needed, "inputs: {} < {needed}", x.len());
-    assert!(outputs.is_multiple_of(SPAN), "{outputs} outputs");
-    let needed = (outputs / PANEL - 1) * gradient.stride + SPAN * PANEL;
-    assert!(gradient.data.len() >= needed, "gradient: {} < {needed}", gradient.data.len());
+    let needed = (chunks.count - 1) * chunks.chunk_len(*outputs) + of_chunk(outputs / BLOCK);
+    assert!(dy.len() >= needed, "output gradients: {} < {needed}", dy.len());
+    let needed = (outputs / PANEL - 1) * panel_stride + SPAN * PANEL;
+    assert!(gradient.len() >= needed, "gradient: {} < {needed}", gradient.len());
+    assert!(
+        columns.iter().all(|mask| chunks.size == SPAN || mask >> chunks.size == 0),
+        "rows beyond a chunk"
+    );
     match isa.0 {
-        // SAFETY: an `Isa` exists only where the processor has it; lengths are checked above, and no offset is beyond
-        // `farthest`.
+        // SAFETY: an `Isa` exists only where the processor has it; lengths are checked above, and a mask has bits for rows
+        // of a chunk alone.
         #[cfg(target_arch = "x86_64")]
-        Level::Avx512 => unsafe {
-            super::avx512_sparse::gradient(
-                columns,
-                rows,
-                outputs,
-                x,
-                block_stride,
-                accumulate,
-                &mut gradient,
-            );
-        },
+        Level::Avx512 => unsafe { super::avx512_sparse::gradient(&mut product) },
         // SAFETY: as above.
         #[cfg(target_arch = "x86_64")]
-        Level::Avx2 => unsafe {
-            super::avx2_sparse::gradient(columns, rows, outputs, x, block_stride, accumulate, &mut gradient);
-        },
-        _ => {
-            let _ = accumulate;
-            unreachable!("callers ask whether this is available")
-        }
+        Level::Avx2 => unsafe { super::avx2_sparse::gradient(&mut product) },
+        _ => unreachable!("callers ask whether this is available: {product:?}"),
     }
-}
-
-/// Panels of 32 outputs.
-#[derive(Debug)]
-pub(super) struct Panels<'a> {
-    pub(super) data: &'a mut [f32],
-    /// Distance between two panels.
-    pub(super) stride: usize,
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::rows::Finish;
     use super::super::tests::values;
-    use super::super::{Chunks, Forward, HALF, Linear};
+    use super::super::{Forward, HALF, Linear};
     use super::*;
 
     /// Irregular values of which about `share` are positive and the others zero, as behind a ReLU.
@@ -360,7 +273,8 @@ mod tests {
 
         let mut transposed = vec![0.0; layer.transposed_len()];
         layer.transpose(isa, &weights, &mut transposed);
-        let (mut nonzeros, mut columns) = (Nonzeros::default(), Vec::new());
+        let may_leave_out = layer.may_leave_out_zeros(isa, chunks.size);
+        let (mut masks, mut dy_masks) = (vec![0; layer.spans() * chunks.size], Vec::new());
         for chunk in 0..chunks.count {
             let rows = chunks.rows(chunk);
             let part = |data, features| -> &[f32] {
@@ -372,7 +286,11 @@ mod tests {
             let mut found = expected.clone();
             layer.forward(isa, &weights, &bias, Forward::new(&chunks, chunk, x, &mut expected, true));
             let forward = Forward::new(&chunks, chunk, x, &mut found, true);
-            layer.forward_behind_relu(isa, &weights, &bias, forward, &mut nonzeros);
+            for row in 0..if may_leave_out { rows } else { 0 } {
+                let (x, masks) = (&x[row * BLOCK..], &mut masks[row..]);
+                layer.mask_row(isa, x, chunks.block_stride(), masks, chunks.size);
+            }
+            layer.forward_behind_relu(isa, &weights, &bias, forward, &masks);
             assert_eq!(bits(&found), bits(&expected), "{name}: forward");
 
             let row = layer.inputs() + 32;
@@ -392,14 +310,15 @@ mod tests {
                 rows,
                 dy,
                 x,
+                &masks,
                 dx,
                 row,
-                &mut nonzeros,
+                &mut dy_masks,
             );
             assert_eq!(bits(&found), bits(&expected), "{name}: input gradient");
         }
         let mut expected = vec![0.0; layer.weights()];
-        let mut found = values(layer.weights(), 5);
+        let (mut found, mut columns) = (values(layer.weights(), 5), Vec::new());
         layer.weight_gradient(isa, &chunks, &x, &dy, &mut expected);
         layer.weight_gradient_behind_relu(isa, &chunks, &x, &dy, &mut found, &mut columns);
         assert_eq!(bits(&found), bits(&expected), "{name}: weight gradient");
@@ -409,7 +328,7 @@ mod tests {
     fn products_that_leave_out_zeros_have_the_bits_of_those_that_do_not() {
         for isa in Isa::available() {
             for layer in
-                [Linear::new(64, 64), Linear::new(320, 128), Linear::new(576, 64), Linear::new(96, 64)]
+                [Linear::new(64, 64), Linear::new(320, 128), Linear::new(576, 64), Linear::new(340, 64)]
             {
                 for batch in [1, 15, 16, 29, 67, 200, 640] {
                     for share in [0.0, 0.1, 0.6, 1.0] {
@@ -421,78 +340,49 @@ mod tests {
     }
 
     #[test]
-    fn lists_hold_what_is_not_zero_in_its_order() {
-        Isa::available().into_iter().filter(|isa| is_available(*isa)).for_each(check_lists);
+    fn masks_say_what_is_not_zero() {
+        Isa::available().into_iter().filter(|isa| is_available(*isa)).for_each(check_masks);
     }
 
-    fn check_lists(isa: Isa) {
-        let chunks = Chunks::new(20);
-        let stride = chunks.block_stride();
-        let x = behind_relu(chunks.len(2 * SPAN), 0.4, 6);
-        let mut nonzeros = Nonzeros::default();
-        nonzeros.of_rows(isa, 20, 2, &x, stride);
-        for (span, row) in (0..2).flat_map(|span| (0..20).map(move |row| (span, row))) {
-            let at = |feature: usize| {
-                x[(span * QUARTERS + feature / BLOCK) * stride + row * BLOCK + feature % BLOCK]
-            };
-            let expected: Vec<(u32, f32)> = (0..SPAN)
-                .filter(|feature| at(*feature) != 0.0)
-                .map(|feature| ((feature * PANEL) as u32, at(feature)))
-                .collect();
-            let list = nonzeros.list(span * 20 + row);
-            let found: Vec<(u32, f32)> =
-                list.offsets.iter().copied().zip(list.values.iter().copied()).collect();
-            let (kept, filled) = found.split_at(expected.len());
-            assert_eq!(kept, expected, "span {span}, row {row}");
-            assert!(filled.iter().all(|(_, value)| *value == 0.0), "span {span}, row {row}: {filled:?}");
-        }
-        assert!(nonzeros.are_few());
-    }
-
-    #[test]
-    fn columns_are_listed_once_each_and_paired_by_length() {
-        Isa::available().into_iter().filter(|isa| is_available(*isa)).for_each(check_columns);
-    }
-
-    fn check_columns(isa: Isa) {
-        let chunks = Chunks::new(80);
-        let (stride, outputs) = (chunks.block_stride(), 2 * SPAN);
-        let dy_chunk = chunks.chunk_len(outputs);
-        let mut dy = vec![0.0; chunks.len(outputs)];
-        let at = |chunk: usize, row: usize, output: usize| {
-            chunk * dy_chunk + output / BLOCK * stride + row * BLOCK + output % BLOCK
+    fn check_masks(isa: Isa) {
+        // Two chunks, the second of which is a row shorter.
+        let (chunks, features) = (Chunks::new(79), 2 * SPAN);
+        let (stride, chunk_len) = (chunks.block_stride(), chunks.chunk_len(features));
+        let mut x = behind_relu(chunks.len(features), 0.4, 6);
+        (x[0], x[1]) = (f32::NAN, -0.0);
+        let is_kept = |chunk: usize, row: usize, feature: usize| {
+            x[chunk * chunk_len + feature / BLOCK * stride + row * BLOCK + feature % BLOCK] != 0.0
         };
-        // Some outputs are active for every row, some for none, neighbours at odds.
-        for (chunk, row, output) in (0..2)
-            .flat_map(|chunk| (0..chunks.size).map(move |row| (chunk, row)))
-            .flat_map(|(chunk, row)| (0..outputs).map(move |output| (chunk, row, output)))
-        {
-            let active = (row * 7 + output) % 11 < output * 5 % 12;
-            dy[at(chunk, row, output)] = if active { (row + 1) as f32 } else { 0.0 };
-        }
-        let rows = Rows { chunks: 2, of_each: chunks.size, dy_chunk, x_chunk: 0 };
-        let mut nonzeros = Nonzeros::default();
-        nonzeros.of_columns(isa, outputs, &dy, rows, stride);
-        let kept = |list: usize| nonzeros.list(list).values.iter().filter(|value| **value != 0.0).count();
-        let mut listed = vec![0; 2 * outputs];
-        for list in 0..2 * outputs {
-            let (chunk, output) = (list / outputs, list % outputs / BLOCK * BLOCK + nonzeros.column(list));
-            listed[chunk * outputs + output] += 1;
-            let expected: Vec<(u32, f32)> = (0..chunks.size)
-                .map(|row| ((row * BLOCK) as u32, dy[at(chunk, row, output)]))
-                .filter(|(_, value)| *value != 0.0)
-                .collect();
-            let List { offsets, values } = nonzeros.list(list);
-            let found: Vec<(u32, f32)> = offsets.iter().copied().zip(values.iter().copied()).collect();
-            let (listed, filled) = found.split_at(expected.len());
-            assert_eq!(listed, expected, "chunk {chunk}, output {output}");
-            assert!(filled.iter().all(|(_, value)| *value == 0.0), "chunk {chunk}, output {output}");
-            if works_in_pairs(isa) {
-                assert_eq!(nonzeros.list(list ^ 1).values.len(), values.len(), "pair of list {list}");
-                assert!(list % BLOCK == 0 || kept(list - 1) <= kept(list), "list {list} is shorter");
+        let mut columns = vec![7; 3];
+        mask_columns(isa, &chunks, features, &x, &mut columns);
+        assert_eq!(columns.len(), 2 * features);
+        for chunk in 0..2 {
+            let rows = chunks.rows(chunk);
+            let mut masks = vec![u64::MAX; 2 * chunks.size];
+            for row in 0..rows {
+                mask_row(
+                    isa,
+                    2,
+                    &x[chunk * chunk_len + row * BLOCK..],
+                    stride,
+                    &mut masks[row..],
+                    chunks.size,
+                );
             }
+            for (row, feature) in (0..rows).flat_map(|row| (0..features).map(move |feature| (row, feature))) {
+                let expected = is_kept(chunk, row, feature);
+                let mask = masks[feature / SPAN * chunks.size + row];
+                assert_eq!(mask >> (feature % SPAN) & 1 == 1, expected, "row {row}, feature {feature}");
+                let mask = columns[chunk * features + feature];
+                assert_eq!(mask >> row & 1 == 1, expected, "column {feature}, row {row}");
+            }
+            let beyond = columns[chunk * features..][..features].iter().any(|mask| mask >> rows != 0);
+            assert!(!beyond, "a column of chunk {chunk} has a bit behind its {rows} rows");
         }
-        assert!(listed.iter().all(|count| *count == 1), "{listed:?}");
-        assert!(nonzeros.are_few());
+        let kept = columns.iter().map(|mask| mask.count_ones() as usize).sum::<usize>();
+        let share = kept as f64 / (79 * features) as f64;
+        assert!((0.3..0.5).contains(&share), "{share}");
+        assert!(are_few([&columns[..]].into_iter(), 79 * features));
+        assert!(!are_few([&columns[..]].into_iter(), (kept as f64 / DENSE) as usize));
     }
 }
