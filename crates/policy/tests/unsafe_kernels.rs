@@ -5,8 +5,8 @@
 //! tiles; values are checked against sums in double precision.
 
 use jostle_policy::kernels::{
-    AdamStep, AlignedVec, BLOCK, Chunks, Count, Finish, Forward, Grid, HALF, Isa, Linear, PANEL, Start,
-    Steps, Strips, adam_step, outer_products, rows_times_panel,
+    AdamStep, AlignedVec, BLOCK, Chunks, Count, Finish, Forward, Grid, HALF, Isa, Linear, PANEL,
+    SampleGradient, SampleMasks, Start, Steps, Strips, adam_step, outer_products, rows_times_panel,
 };
 
 /// A fixed, irregular sequence in −1 … 1, in memory of exactly this length.
@@ -229,5 +229,48 @@ fn aligned_memory_is_as_long_as_it_says() {
         memory.reserve_len(40);
         assert_eq!(memory.len(), 40);
         assert!(memory.iter().all(|value| *value == 0.0));
+    }
+}
+
+/// Positions of a sample whose output gradients end with the last value needed: the sparse backward pass of conv2.
+#[test]
+fn convolutions_that_leave_out_zeros_read_and_write_their_operands_alone() {
+    for isa in Isa::available().into_iter().filter(|isa| Linear::new(64, 64).may_leave_out_zeros(*isa, 64)) {
+        for (positions, even) in if cfg!(miri) { vec![(2, false)] } else { vec![(2, true), (66, false)] } {
+            let rows = 2 * positions - usize::from(!even);
+            let d_out: Box<[f32]> = values(positions * 32, 1).iter().map(|x| x.max(0.0)).collect();
+            let input: Box<[f32]> = values((2 * positions + 1) * 32, 2).iter().map(|x| x.max(0.0)).collect();
+            let transposed = values(3 * 32 * 32, 3);
+            let mut masks = SampleMasks::default();
+            let mask =
+                |values: &[f32]| values.iter().rev().fold(0, |mask, x| mask << 1 | u64::from(*x != 0.0));
+            masks.set(d_out.chunks(64).map(mask));
+            let sample = SampleGradient { d_out: &d_out, masks: &masks, input: &input };
+            let mut d_input = values((rows + 1) * 32, 4);
+            let before = d_input.clone();
+            sample.input_gradient(isa, &transposed, &mut d_input, rows);
+            assert_eq!(d_input[..32], before[..32], "the padding is left alone");
+            let (mut sums, mut gradient) = (values(3 * 32 * 32, 5), values(3 * 32 * 32, 6));
+            let before = gradient.clone();
+            sample.add_weight_gradient(isa, &mut sums, &mut gradient);
+
+            let d = |position: usize, channel: usize| f64::from(d_out[position * 32 + channel]);
+            for (row, n) in (1..=rows).flat_map(|row| (0..32).map(move |n| (row, n))) {
+                let mut sum = 0.0;
+                // Kernel index k of position p reads row 2p + k; the weights stand as 2, 0, 1.
+                for (k, place) in [(0, 1), (1, 2), (2, 0)] {
+                    if row >= k && (row - k) % 2 == 0 && (row - k) / 2 < positions {
+                        for c in 0..32 {
+                            sum += d((row - k) / 2, c) * f64::from(transposed[(place * 32 + c) * 32 + n]);
+                        }
+                    }
+                }
+                assert_near(d_input[row * 32 + n], if input[row * 32 + n] > 0.0 { sum } else { 0.0 });
+            }
+            for (c, k) in (0..32).flat_map(|c| (0..96).map(move |k| (c, k))) {
+                let sum: f64 = (0..positions).map(|p| d(p, c) * f64::from(input[p * 64 + k])).sum();
+                assert_near(gradient[c * 96 + k], f64::from(before[c * 96 + k]) + sum);
+            }
+        }
     }
 }

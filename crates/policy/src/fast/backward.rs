@@ -165,7 +165,14 @@ impl FastNetwork {
         let (weight2, bias2) = rest.split_at_mut(CONV2_KERNEL * PANEL * PANEL);
         let parameters = super::network::conv_parts(&self.conv, &self.parameters);
         let scans_len = self.conv.scans_len();
+        let leave_out_zeros = self.fc1.inputs_are_few(isa, chunks, rows, masks);
         for row in 0..rows {
+            if leave_out_zeros {
+                scratch
+                    .conv
+                    .masks
+                    .set(masks[row..].iter().step_by(chunks.size).take(self.fc1.spans()).copied());
+            }
             let width = self.config.embedding;
             let d_embedding = &scratch.d_tail[row * tail_row + TAIL_LEN..][..width];
             add(&mut embedding[kept.tokens[first + row] as usize * width..], d_embedding);
@@ -178,7 +185,19 @@ impl FastNetwork {
             let padded = &kept.scans[(first + row) * scans_len..][..scans_len];
             let d_out = &scratch.d_x[row * x_row..][..self.fc1.inputs()];
             let transposed = &self.transposed.conv2;
-            self.conv.backward(isa, parameters, transposed, padded, d_out, &mut scratch.conv, &mut gradient);
+            self.conv.backward(
+                isa,
+                parameters,
+                transposed,
+                padded,
+                d_out,
+                leave_out_zeros,
+                &mut scratch.conv,
+                &mut gradient,
+            );
+        }
+        if leave_out_zeros {
+            Convolutions::take_weight2(&mut scratch.conv, weight2);
         }
     }
 }

@@ -4,15 +4,16 @@
 //! do anyway.
 
 use std::arch::x86_64::{
-    __m256, _CMP_NEQ_UQ, _MM_HINT_T1, _mm_prefetch, _mm256_add_ps, _mm256_and_ps, _mm256_and_si256,
-    _mm256_castsi256_ps, _mm256_cmp_ps, _mm256_cmpeq_epi32, _mm256_fmadd_ps, _mm256_loadu_ps, _mm256_max_ps,
-    _mm256_movemask_ps, _mm256_set1_epi32, _mm256_set1_ps, _mm256_setr_epi32, _mm256_setzero_ps,
-    _mm256_storeu_ps,
+    __m256, _CMP_GT_OQ, _CMP_NEQ_UQ, _MM_HINT_T1, _mm_prefetch, _mm256_add_ps, _mm256_and_ps,
+    _mm256_and_si256, _mm256_castsi256_ps, _mm256_cmp_ps, _mm256_cmpeq_epi32, _mm256_fmadd_ps,
+    _mm256_loadu_ps, _mm256_max_ps, _mm256_movemask_ps, _mm256_set1_epi32, _mm256_set1_ps, _mm256_setr_epi32,
+    _mm256_setzero_ps, _mm256_storeu_ps,
 };
 
 use super::blocked::BLOCK;
 use super::rows::{PANEL, Start};
 use super::sparse::{After, QUARTERS, SPAN, SpanGradient, SpanProduct};
+use super::sparse_conv::{SampleGradient, WINDOW, WINDOW_STEP};
 use super::transpose::eight_by_eight;
 
 /// Floats of a register.
@@ -65,12 +66,12 @@ pub(super) unsafe fn mask_block(rows: &[[f32; BLOCK]], masks: &mut [u64; BLOCK])
 /// AVX2, FMA and BMI1; for each bit, `value(k)` can be read, and 8 values at each partner.
 #[inline]
 #[target_feature(enable = "avx2,fma,bmi1")]
-unsafe fn add<const STEP: usize>(
-    mut sums: Sums,
+unsafe fn add<const N: usize, const STEP: usize>(
+    mut sums: [__m256; N],
     mut mask: u64,
     value: impl Fn(usize) -> *const f32,
-    partners: [*const f32; EIGHTHS],
-) -> Sums {
+    partners: [*const f32; N],
+) -> [__m256; N] {
     while mask != 0 {
         let k = mask.trailing_zeros() as usize;
         mask &= mask - 1;
@@ -118,7 +119,7 @@ pub(super) unsafe fn rows(product: &mut SpanProduct<'_>) {
             });
             let x = x.add(row * BLOCK);
             let value = |k: usize| x.wrapping_add(k.wrapping_add((k / BLOCK).wrapping_mul(gap)));
-            let sums = add::<PANEL>(sums, *mask, value, partners);
+            let sums = add::<EIGHTHS, PANEL>(sums, *mask, value, partners);
             for (eighth, mut sum) in sums.into_iter().enumerate() {
                 match after {
                     After::Store => {}
@@ -170,7 +171,8 @@ pub(super) unsafe fn gradient(product: &mut SpanGradient<'_>) {
                     let (run, total) = (row(&mut run, output), row(&mut total, output));
                     let sums = if begins { [_mm256_setzero_ps(); EIGHTHS] } else { load(run) };
                     let dy = dy.as_ptr().add(at);
-                    let mut sums = add::<BLOCK>(sums, mask, |k| dy.wrapping_add(k * BLOCK), partners);
+                    let mut sums =
+                        add::<EIGHTHS, BLOCK>(sums, mask, |k| dy.wrapping_add(k * BLOCK), partners);
                     if ends && has_total {
                         let before = load(total);
                         sums = std::array::from_fn(|eighth| _mm256_add_ps(before[eighth], sums[eighth]));
@@ -196,6 +198,100 @@ pub(super) unsafe fn gradient(product: &mut SpanGradient<'_>) {
             for (input, sum) in eight_by_eight(sums).into_iter().enumerate() {
                 // SAFETY: a span of inputs of every panel lies within `gradient`.
                 unsafe { _mm256_storeu_ps(product.gradient.as_mut_ptr().add(at + input * PANEL), sum) }
+            }
+        }
+    }
+}
+
+/// Registers of a window.
+const TWELFTHS: usize = WINDOW / LANES;
+/// Registers of a row of channels.
+const ROW: usize = PANEL / LANES;
+
+/// [`SampleGradient::input_gradient`].
+///
+/// # Safety
+///
+/// AVX2, FMA and BMI1, and operands as long as `input_gradient` checks.
+#[target_feature(enable = "avx2,fma,bmi1")]
+pub(super) unsafe fn conv_input_gradient(
+    sample: &SampleGradient<'_>,
+    transposed: &[f32],
+    d_input: &mut [f32],
+    rows: usize,
+) {
+    let (d_out, input, d_input) = (sample.d_out.as_ptr(), sample.input.as_ptr(), d_input.as_mut_ptr());
+    let weights = transposed.as_ptr();
+    // Kernel indices 0, 1, 2 stand behind one another as 2, 0, 1.
+    let partners: [*const f32; TWELFTHS] = std::array::from_fn(|twelfth| {
+        weights.wrapping_add((twelfth / ROW + 1) % 3 * PANEL * PANEL + twelfth % ROW * LANES)
+    });
+    let store = |row: usize, sums: &[__m256]| {
+        for (quarter, sum) in sums.iter().enumerate() {
+            let at = row * PANEL + quarter * LANES;
+            // SAFETY: rows up to `rows` of both are checked.
+            unsafe {
+                let positive =
+                    _mm256_cmp_ps::<_CMP_GT_OQ>(_mm256_loadu_ps(input.add(at)), _mm256_setzero_ps());
+                _mm256_storeu_ps(d_input.add(at), _mm256_and_ps(positive, *sum));
+            }
+        }
+    };
+    let mut waiting = [_mm256_setzero_ps(); ROW];
+    for (position, mask) in sample.positions().iter().enumerate() {
+        let d_out = d_out.wrapping_add(position * PANEL);
+        let mut sums = [_mm256_setzero_ps(); TWELFTHS];
+        sums[..ROW].copy_from_slice(&waiting);
+        // SAFETY: a position has 32 output gradients, each kernel index 32 × 32 weights.
+        let sums =
+            unsafe { add::<TWELFTHS, PANEL>(sums, u64::from(*mask), |k| d_out.wrapping_add(k), partners) };
+        if position > 0 {
+            store(2 * position, &sums[..ROW]);
+        }
+        store(2 * position + 1, &sums[ROW..2 * ROW]);
+        waiting.copy_from_slice(&sums[2 * ROW..]);
+    }
+    if rows == 2 * sample.positions().len() {
+        store(rows, &waiting);
+    }
+}
+
+/// [`SampleGradient::add_weight_gradient`].
+///
+/// # Safety
+///
+/// AVX2, FMA and BMI1, and operands as long as `add_weight_gradient` checks.
+#[target_feature(enable = "avx2,fma,bmi1")]
+pub(super) unsafe fn conv_weight_gradient(
+    sample: &SampleGradient<'_>,
+    sums: &mut [f32],
+    gradient: &mut [f32],
+) {
+    let parts = sample.channels();
+    for (part, masks) in parts.iter().enumerate() {
+        let first = part * SPAN;
+        let input = sample.input.as_ptr().wrapping_add(first * WINDOW_STEP);
+        let partners = std::array::from_fn(|twelfth| input.wrapping_add(twelfth * LANES));
+        for (channel, mask) in masks.iter().enumerate() {
+            // SAFETY: a part has bits for the sample's positions alone; sums and gradient have a window for each channel.
+            unsafe {
+                let d_out = sample.d_out.as_ptr().add(first * PANEL + channel);
+                let own = sums.as_mut_ptr().add(channel * WINDOW);
+                let load = |from: *mut f32| -> [__m256; TWELFTHS] {
+                    std::array::from_fn(|twelfth| _mm256_loadu_ps(from.add(twelfth * LANES)))
+                };
+                let before = if part == 0 { [_mm256_setzero_ps(); TWELFTHS] } else { load(own) };
+                let value = |k: usize| d_out.wrapping_add(k * PANEL);
+                let mut after = add::<TWELFTHS, WINDOW_STEP>(before, *mask, value, partners);
+                let mut to = own;
+                if part + 1 == parts.len() {
+                    to = gradient.as_mut_ptr().add(channel * WINDOW);
+                    let before = load(to);
+                    after = std::array::from_fn(|twelfth| _mm256_add_ps(before[twelfth], after[twelfth]));
+                }
+                for (twelfth, sum) in after.into_iter().enumerate() {
+                    _mm256_storeu_ps(to.add(twelfth * LANES), sum);
+                }
             }
         }
     }

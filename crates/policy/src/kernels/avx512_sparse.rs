@@ -2,7 +2,7 @@
 //! the sums of one wait for each other, the processor is already at the next, for no branch depends on a sum.
 
 use std::arch::x86_64::{
-    __m512, __m512d, _CMP_NEQ_UQ, _MM_HINT_T1, _mm_prefetch, _mm512_add_ps, _mm512_castpd_ps,
+    __m512, __m512d, _CMP_GT_OQ, _CMP_NEQ_UQ, _MM_HINT_T1, _mm_prefetch, _mm512_add_ps, _mm512_castpd_ps,
     _mm512_castps_pd, _mm512_cmp_ps_mask, _mm512_fmadd_ps, _mm512_loadu_ps, _mm512_maskz_mov_ps,
     _mm512_max_ps, _mm512_set1_ps, _mm512_setzero_ps, _mm512_shuffle_f32x4, _mm512_storeu_ps,
     _mm512_unpackhi_pd, _mm512_unpackhi_ps, _mm512_unpacklo_pd, _mm512_unpacklo_ps,
@@ -11,6 +11,7 @@ use std::arch::x86_64::{
 use super::blocked::BLOCK;
 use super::rows::{PANEL, Start};
 use super::sparse::{After, QUARTERS, SPAN, SpanGradient, SpanProduct};
+use super::sparse_conv::{SampleGradient, WINDOW, WINDOW_STEP};
 
 /// The sums of a span.
 type Sums = [__m512; QUARTERS];
@@ -52,12 +53,12 @@ pub(super) unsafe fn mask_block(rows: &[[f32; BLOCK]], masks: &mut [u64; BLOCK])
 /// AVX-512F and BMI1; for each bit, `value(k)` can be read, and 16 values at each partner.
 #[inline]
 #[target_feature(enable = "avx512f,bmi1")]
-unsafe fn add<const STEP: usize>(
-    mut sums: Sums,
+unsafe fn add<const N: usize, const STEP: usize>(
+    mut sums: [__m512; N],
     mut mask: u64,
     value: impl Fn(usize) -> *const f32,
-    partners: [*const f32; QUARTERS],
-) -> Sums {
+    partners: [*const f32; N],
+) -> [__m512; N] {
     while mask != 0 {
         let k = mask.trailing_zeros() as usize;
         mask &= mask - 1;
@@ -109,7 +110,7 @@ pub(super) unsafe fn rows(product: &mut SpanProduct<'_>) {
             };
             let x = x.add(row * BLOCK);
             let value = |k: usize| x.wrapping_add(k.wrapping_add((k / BLOCK).wrapping_mul(gap)));
-            let sums = add::<PANEL>(sums, *mask, value, partners);
+            let sums = add::<QUARTERS, PANEL>(sums, *mask, value, partners);
             for (quarter, mut sum) in sums.into_iter().enumerate() {
                 match after {
                     After::Store => {}
@@ -160,7 +161,8 @@ pub(super) unsafe fn gradient(product: &mut SpanGradient<'_>) {
                     let (run, total) = (row(&mut run, output), row(&mut total, output));
                     let sums = if begins { [_mm512_setzero_ps(); QUARTERS] } else { load(run) };
                     let dy = dy.as_ptr().add(at);
-                    let mut sums = add::<BLOCK>(sums, mask, |k| dy.wrapping_add(k * BLOCK), partners);
+                    let mut sums =
+                        add::<QUARTERS, BLOCK>(sums, mask, |k| dy.wrapping_add(k * BLOCK), partners);
                     if ends && has_total {
                         let before = load(total);
                         sums = std::array::from_fn(|quarter| _mm512_add_ps(before[quarter], sums[quarter]));
@@ -186,6 +188,99 @@ pub(super) unsafe fn gradient(product: &mut SpanGradient<'_>) {
             for (input, sum) in transposed(&of_outputs).into_iter().enumerate() {
                 // SAFETY: a span of inputs of every panel lies within `gradient`.
                 unsafe { _mm512_storeu_ps(product.gradient.as_mut_ptr().add(at + input * PANEL), sum) }
+            }
+        }
+    }
+}
+
+/// Registers of a window.
+const SIXTHS: usize = WINDOW / BLOCK;
+
+/// [`SampleGradient::input_gradient`].
+///
+/// # Safety
+///
+/// AVX-512F and BMI1, and operands as long as `input_gradient` checks.
+#[target_feature(enable = "avx512f,bmi1")]
+pub(super) unsafe fn conv_input_gradient(
+    sample: &SampleGradient<'_>,
+    transposed: &[f32],
+    d_input: &mut [f32],
+    rows: usize,
+) {
+    let (d_out, input, d_input) = (sample.d_out.as_ptr(), sample.input.as_ptr(), d_input.as_mut_ptr());
+    let weights = transposed.as_ptr();
+    // Kernel indices 0, 1, 2 stand behind one another as 2, 0, 1.
+    let partners: [*const f32; SIXTHS] = std::array::from_fn(|sixth| {
+        weights.wrapping_add((sixth / 2 + 1) % 3 * PANEL * PANEL + sixth % 2 * BLOCK)
+    });
+    // SAFETY (of the calls): `row` is among those checked.
+    let store = |row: usize, sums: [__m512; 2]| {
+        for (half, sum) in sums.into_iter().enumerate() {
+            let at = row * PANEL + half * BLOCK;
+            // SAFETY: rows up to `rows` of both are checked.
+            unsafe {
+                let positive =
+                    _mm512_cmp_ps_mask::<_CMP_GT_OQ>(_mm512_loadu_ps(input.add(at)), _mm512_setzero_ps());
+                _mm512_storeu_ps(d_input.add(at), _mm512_maskz_mov_ps(positive, sum));
+            }
+        }
+    };
+    let zero = _mm512_setzero_ps();
+    let mut waiting = [zero; 2];
+    for (position, mask) in sample.positions().iter().enumerate() {
+        let d_out = d_out.wrapping_add(position * PANEL);
+        let sums = [waiting[0], waiting[1], zero, zero, zero, zero];
+        // SAFETY: a position has 32 output gradients, each kernel index 32 × 32 weights.
+        let sums =
+            unsafe { add::<SIXTHS, PANEL>(sums, u64::from(*mask), |k| d_out.wrapping_add(k), partners) };
+        if position > 0 {
+            store(2 * position, [sums[0], sums[1]]);
+        }
+        store(2 * position + 1, [sums[2], sums[3]]);
+        waiting = [sums[4], sums[5]];
+    }
+    if rows == 2 * sample.positions().len() {
+        store(rows, waiting);
+    }
+}
+
+/// [`SampleGradient::add_weight_gradient`].
+///
+/// # Safety
+///
+/// AVX-512F and BMI1, and operands as long as `add_weight_gradient` checks.
+#[target_feature(enable = "avx512f,bmi1")]
+pub(super) unsafe fn conv_weight_gradient(
+    sample: &SampleGradient<'_>,
+    sums: &mut [f32],
+    gradient: &mut [f32],
+) {
+    let parts = sample.channels();
+    for (part, masks) in parts.iter().enumerate() {
+        let first = part * SPAN;
+        let input = sample.input.as_ptr().wrapping_add(first * WINDOW_STEP);
+        let partners = std::array::from_fn(|sixth| input.wrapping_add(sixth * BLOCK));
+        for (channel, mask) in masks.iter().enumerate() {
+            // SAFETY: a part has bits for the sample's positions alone; sums and gradient have a window for each channel.
+            unsafe {
+                let d_out = sample.d_out.as_ptr().add(first * PANEL + channel);
+                let own = sums.as_mut_ptr().add(channel * WINDOW);
+                let load = |from: *mut f32| -> [__m512; SIXTHS] {
+                    std::array::from_fn(|sixth| _mm512_loadu_ps(from.add(sixth * BLOCK)))
+                };
+                let before = if part == 0 { [_mm512_setzero_ps(); SIXTHS] } else { load(own) };
+                let value = |k: usize| d_out.wrapping_add(k * PANEL);
+                let mut after = add::<SIXTHS, WINDOW_STEP>(before, *mask, value, partners);
+                let mut to = own;
+                if part + 1 == parts.len() {
+                    to = gradient.as_mut_ptr().add(channel * WINDOW);
+                    let before = load(to);
+                    after = std::array::from_fn(|sixth| _mm512_add_ps(before[sixth], after[sixth]));
+                }
+                for (sixth, sum) in after.into_iter().enumerate() {
+                    _mm512_storeu_ps(to.add(sixth * BLOCK), sum);
+                }
             }
         }
     }

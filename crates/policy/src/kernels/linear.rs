@@ -116,6 +116,14 @@ impl Linear {
         sparse::mask_row(isa, self.spans(), x, block_stride, masks, step);
     }
 
+    /// Whether so few inputs of a chunk are not zero that leaving out the others pays; `masks` are by
+    /// [`mask_row`](Self::mask_row), where zeros may be left out.
+    pub fn inputs_are_few(&self, isa: Isa, chunks: &Chunks, rows: usize, masks: &[u64]) -> bool {
+        let of_span = |span: usize| &masks[span * chunks.size..][..rows];
+        self.may_leave_out_zeros(isa, rows)
+            && sparse::are_few((0..self.spans()).map(of_span), rows * self.inputs)
+    }
+
     /// [`forward`](Self::forward) for inputs that come out of a ReLU: zeros are left out where that is faster. The bits are
     /// the same.
     ///
@@ -128,15 +136,11 @@ impl Linear {
         chunk: Forward<'_>,
         masks: &[u64],
     ) {
-        if !self.may_leave_out_zeros(isa, chunk.rows) {
+        if !self.inputs_are_few(isa, chunk.chunks, chunk.rows, masks) {
             return self.forward(isa, weights, bias, chunk);
         }
         let (n_spans, n_pairs) = (self.spans(), self.outputs / SPAN);
         let Forward { chunks, rows, x, y, relu } = chunk;
-        let masks = |span: usize| &masks[span * chunks.size..][..rows];
-        if !sparse::are_few((0..n_spans).map(masks), rows * self.inputs) {
-            return self.forward(isa, weights, bias, Forward { chunks, rows, x, y, relu });
-        }
         let stride = chunks.block_stride();
         let panel =
             |span: usize, panel: usize| &weights[self.index(span * SPAN, panel * PANEL)..][..SPAN * PANEL];
@@ -149,7 +153,7 @@ impl Linear {
             let product = SpanProduct {
                 x: &x[span * QUARTERS * stride..],
                 block_stride: stride,
-                masks: masks(span),
+                masks: &masks[span * chunks.size..][..rows],
                 panels: panels(product),
                 next: panels((product + 1).min(n_spans * n_pairs - 1)),
                 start: if span == 0 { Start::Bias(&bias[pair * SPAN..]) } else { Start::Accumulate },

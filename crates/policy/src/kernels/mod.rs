@@ -1,7 +1,7 @@
 //! Kernels of the fast back end: few, large, well-shaped matrix products over memory that is allocated once.
 //!
 //! Reading order: [`rows`] and [`outer`] (the two products that everything is made of), [`blocked`] (the one format of
-//! activations), [`linear`] and [`head`] (layers), [`sparse`] (what a ReLU saves), [`adam`].
+//! activations), [`linear`] and [`head`] (layers), `sparse` and `sparse_conv` (what a ReLU saves), [`adam`].
 //!
 //! All functions here are safe: they check lengths. `unsafe` is confined to this folder, to the few functions that use
 //! vector instructions ([`Isa`] proves that the processor has them) and to [`AlignedVec`]'s view of its memory. Each
@@ -32,6 +32,7 @@ pub mod outer;
 mod pieces;
 pub mod rows;
 mod sparse;
+mod sparse_conv;
 mod tile;
 mod transpose;
 
@@ -47,3 +48,4 @@ pub use linear::{Forward, Linear};
 pub use outer::{Count, Steps, outer_products};
 pub(crate) use pieces::for_each_piece;
 pub use rows::{Finish, Grid, HALF, PANEL, Start, Strips, rows_times_panel};
+pub use sparse_conv::{SampleGradient, SampleMasks};
