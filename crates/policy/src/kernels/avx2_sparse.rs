@@ -3,8 +3,9 @@
 //! Each value costs eight multiply-adds that read their partner from the first-level cache, two a cycle, as many as a core can
 //! do anyway.
 
+use std::arch::asm;
 use std::arch::x86_64::{
-    __m256, _CMP_GT_OQ, _CMP_NEQ_UQ, _MM_HINT_T1, _mm_prefetch, _mm256_add_ps, _mm256_and_ps,
+    __m256, _CMP_GT_OQ, _CMP_NEQ_UQ, _MM_HINT_T0, _MM_HINT_T1, _mm_prefetch, _mm256_add_ps, _mm256_and_ps,
     _mm256_and_si256, _mm256_castsi256_ps, _mm256_cmp_ps, _mm256_cmpeq_epi32, _mm256_fmadd_ps,
     _mm256_loadu_ps, _mm256_max_ps, _mm256_movemask_ps, _mm256_set1_epi32, _mm256_set1_ps, _mm256_setr_epi32,
     _mm256_setzero_ps, _mm256_storeu_ps,
@@ -59,6 +60,28 @@ pub(super) unsafe fn mask_block(rows: &[[f32; BLOCK]], masks: &mut [u64; BLOCK])
     super::sparse::mask_block(rows, masks);
 }
 
+/// A value in all lanes, by way of a general register: the loops here are bound by loads of vector registers, of which a
+/// processor makes two a cycle, and this load is none. The compiler would make it one.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn in_all_lanes(value: f32) -> __m256 {
+    if cfg!(miri) {
+        return _mm256_set1_ps(value);
+    }
+    let all;
+    // SAFETY: from one register into another.
+    unsafe {
+        asm!(
+            "vmovd {all:x}, {bits:e}",
+            "vpbroadcastd {all}, {all:x}",
+            all = out(ymm_reg) all,
+            bits = in(reg) value.to_bits(),
+            options(pure, nomem, nostack, preserves_flags),
+        );
+    }
+    all
+}
+
 /// Adds `value(k) · partner[k · STEP]` to the sums of each partner for all bits k of the mask, in their order.
 ///
 /// # Safety
@@ -77,7 +100,7 @@ unsafe fn add<const N: usize, const STEP: usize>(
         mask &= mask - 1;
         // SAFETY: the caller's promise.
         unsafe {
-            let value = _mm256_set1_ps(*value(k));
+            let value = in_all_lanes(*value(k));
             for (sum, partner) in sums.iter_mut().zip(partners) {
                 *sum = _mm256_fmadd_ps(value, _mm256_loadu_ps(partner.add(k * STEP)), *sum);
             }
@@ -159,7 +182,15 @@ pub(super) unsafe fn gradient(product: &mut SpanGradient<'_>) {
             let ends = chunk + 1 == chunks.count || product.starts_from_zero(chunk + 1);
             let x = x.as_ptr().wrapping_add(chunk * x_chunk);
             let partners = std::array::from_fn(|eighth| x.wrapping_add(within(stride, eighth)));
+            // Each output fetches its share of the next chunk's inputs: what hides the way from the second-level cache.
+            let next = x.wrapping_add(x_chunk);
             for output in 0..SPAN {
+                let lines = SPAN / BLOCK;
+                let share = next.wrapping_add(output / BLOCK * stride + output % BLOCK * lines * BLOCK);
+                for line in 0..lines {
+                    // A prefetch has no effect but on the cache, wherever it points.
+                    _mm_prefetch::<_MM_HINT_T0>(share.wrapping_add(line * BLOCK).cast());
+                }
                 let column = first + output;
                 let at = chunk * chunks.chunk_len(outputs) + column / BLOCK * stride + column % BLOCK;
                 let mask = columns[chunk * outputs + column];

@@ -1,10 +1,11 @@
 //! The products of [`sparse`](super::sparse) for AVX-512: one row or column at a time, its 64 sums in four registers. While
 //! the sums of one wait for each other, the processor is already at the next, for no branch depends on a sum.
 
+use std::arch::asm;
 use std::arch::x86_64::{
-    __m512, __m512d, _CMP_GT_OQ, _CMP_NEQ_UQ, _MM_HINT_T1, _mm_prefetch, _mm512_add_ps, _mm512_castpd_ps,
-    _mm512_castps_pd, _mm512_cmp_ps_mask, _mm512_fmadd_ps, _mm512_loadu_ps, _mm512_maskz_mov_ps,
-    _mm512_max_ps, _mm512_set1_ps, _mm512_setzero_ps, _mm512_shuffle_f32x4, _mm512_storeu_ps,
+    __m512, __m512d, _CMP_GT_OQ, _CMP_NEQ_UQ, _MM_HINT_T0, _MM_HINT_T1, _mm_prefetch, _mm512_add_ps,
+    _mm512_castpd_ps, _mm512_castps_pd, _mm512_cmp_ps_mask, _mm512_fmadd_ps, _mm512_loadu_ps,
+    _mm512_maskz_mov_ps, _mm512_max_ps, _mm512_setzero_ps, _mm512_shuffle_f32x4, _mm512_storeu_ps,
     _mm512_unpackhi_pd, _mm512_unpackhi_ps, _mm512_unpacklo_pd, _mm512_unpacklo_ps,
 };
 
@@ -46,6 +47,24 @@ pub(super) unsafe fn mask_block(rows: &[[f32; BLOCK]], masks: &mut [u64; BLOCK])
     super::sparse::mask_block(rows, masks);
 }
 
+/// A value in all lanes, by way of a general register: the loops here are bound by loads of vector registers, of which a
+/// processor makes one or two a cycle, and this load is none. The compiler would make it one.
+#[inline]
+#[target_feature(enable = "avx512f")]
+fn in_all_lanes(value: f32) -> __m512 {
+    let all;
+    // SAFETY: from one register into another.
+    unsafe {
+        asm!(
+            "vpbroadcastd {all}, {bits:e}",
+            all = out(zmm_reg) all,
+            bits = in(reg) value.to_bits(),
+            options(pure, nomem, nostack, preserves_flags),
+        );
+    }
+    all
+}
+
 /// Adds `value(k) · partner[k · STEP]` to the sums of each partner for all bits k of the mask, in their order.
 ///
 /// # Safety
@@ -64,7 +83,7 @@ unsafe fn add<const N: usize, const STEP: usize>(
         mask &= mask - 1;
         // SAFETY: the caller's promise.
         unsafe {
-            let value = _mm512_set1_ps(*value(k));
+            let value = in_all_lanes(*value(k));
             for (sum, partner) in sums.iter_mut().zip(partners) {
                 *sum = _mm512_fmadd_ps(value, _mm512_loadu_ps(partner.add(k * STEP)), *sum);
             }
@@ -149,7 +168,15 @@ pub(super) unsafe fn gradient(product: &mut SpanGradient<'_>) {
             let ends = chunk + 1 == chunks.count || product.starts_from_zero(chunk + 1);
             let x = x.as_ptr().wrapping_add(chunk * x_chunk);
             let partners = std::array::from_fn(|quarter| x.wrapping_add(quarter * stride));
+            // Each output fetches its share of the next chunk's inputs: what hides the way from the second-level cache.
+            let next = x.wrapping_add(x_chunk);
             for output in 0..SPAN {
+                let lines = SPAN / BLOCK;
+                let share = next.wrapping_add(output / BLOCK * stride + output % BLOCK * lines * BLOCK);
+                for line in 0..lines {
+                    // A prefetch has no effect but on the cache, wherever it points.
+                    _mm_prefetch::<_MM_HINT_T0>(share.wrapping_add(line * BLOCK).cast());
+                }
                 let column = first + output;
                 let at = chunk * chunks.chunk_len(outputs) + column / BLOCK * stride + column % BLOCK;
                 let mask = columns[chunk * outputs + column];
