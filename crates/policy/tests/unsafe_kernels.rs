@@ -6,7 +6,8 @@
 
 use jostle_policy::kernels::{
     AdamStep, AlignedVec, BLOCK, Chunks, Count, Finish, Forward, Grid, HALF, Isa, Linear, PANEL,
-    SampleGradient, SampleMasks, Start, Steps, Strips, adam_step, outer_products, rows_times_panel,
+    SampleForward, SampleGradient, SampleMasks, Start, Steps, Strips, adam_step, outer_products,
+    rows_times_panel,
 };
 
 /// A fixed, irregular sequence in −1 … 1, in memory of exactly this length.
@@ -232,7 +233,7 @@ fn aligned_memory_is_as_long_as_it_says() {
     }
 }
 
-/// Positions of a sample whose output gradients end with the last value needed: the sparse backward pass of conv2.
+/// Positions of a sample whose operands end with the last value needed: conv2 where zeros are left out.
 #[test]
 fn convolutions_that_leave_out_zeros_read_and_write_their_operands_alone() {
     for isa in Isa::available().into_iter().filter(|isa| Linear::new(64, 64).may_leave_out_zeros(*isa, 64)) {
@@ -250,6 +251,17 @@ fn convolutions_that_leave_out_zeros_read_and_write_their_operands_alone() {
             let before = d_input.clone();
             sample.input_gradient(isa, &transposed, &mut d_input, rows);
             assert_eq!(d_input[..32], before[..32], "the padding is left alone");
+            // Half of the inputs are zero; the halves of an output lie 16 apart.
+            let (bias, mut out) = (values(32, 7), values(positions * 32, 8));
+            let grid = Grid { data: &mut out[..], row: 32, half: HALF };
+            let mut forward = SampleForward { input: &input, weights: &transposed, bias: &bias, out: grid };
+            assert!(forward.run_if_few(isa, positions, &mut Vec::new()));
+            for (position, n) in (0..positions).flat_map(|position| (0..32).map(move |n| (position, n))) {
+                let window = input[position * 64..].iter().take(96).enumerate();
+                let sum = window.map(|(k, x)| f64::from(*x) * f64::from(transposed[k * 32 + n]));
+                let expected = f64::from(bias[n]) + sum.sum::<f64>();
+                assert_near(out[position * 32 + n], expected.max(0.0));
+            }
             let (mut sums, mut gradient) = (values(3 * 32 * 32, 5), values(3 * 32 * 32, 6));
             let before = gradient.clone();
             sample.add_weight_gradient(isa, &mut sums, &mut gradient);

@@ -20,8 +20,8 @@
 use crate::NetworkConfig;
 use crate::config::{CONV_CHANNELS, CONV1_KERNEL, CONV2_KERNEL};
 use crate::kernels::{
-    AlignedVec, BLOCK, Count, Finish, Grid, HALF, Isa, PANEL, SampleGradient, SampleMasks, Start, Steps,
-    Strips, outer_products, rows_times_panel,
+    AlignedVec, BLOCK, Count, Finish, Grid, HALF, Isa, PANEL, SampleForward, SampleGradient, SampleMasks,
+    Start, Steps, Strips, outer_products, rows_times_panel,
 };
 
 // The kernels are made for 32 channels, one panel.
@@ -59,6 +59,8 @@ pub(super) struct ConvParts<T> {
 pub(super) struct ConvScratch {
     /// Output of conv1 with a row of zeros at either end.
     hidden: AlignedVec,
+    /// Which of its values are not zero.
+    rows: Vec<u32>,
     /// Its gradient.
     d_hidden: AlignedVec,
     /// Which of a sample's gradients behind conv2 are not zero.
@@ -99,6 +101,7 @@ impl Convolutions {
         ConvScratch {
             d_hidden: hidden.clone(),
             hidden,
+            rows: Vec::new(),
             masks: SampleMasks::default(),
             weight2: sums.clone(),
             sums,
@@ -126,7 +129,7 @@ impl Convolutions {
         rows_times_panel::<CONV1_ROW>(isa, self.len1, a, parameters.weight1, start, Finish::Relu, out);
     }
 
-    /// Both convolutions of one sample; `out` is where the chunk's blocks of this sample begin.
+    /// Both convolutions of one sample; conv2 leaves out zeros where that is faster. `out` is where the chunk's blocks of this sample begin.
     pub(super) fn forward(
         &self,
         isa: Isa,
@@ -136,16 +139,17 @@ impl Convolutions {
         out: &mut [f32],
         block_stride: usize,
     ) {
-        self.conv1(isa, parameters, padded, &mut scratch.hidden);
-        let a = Strips {
-            data: &scratch.hidden,
-            blocks: 1,
-            block_len: CONV2_KERNEL * CONV_CHANNELS,
-            block_stride: 0,
-        };
+        let ConvScratch { hidden, rows, .. } = scratch;
+        self.conv1(isa, parameters, padded, hidden);
+        let (weights, bias) = (parameters.weight2, parameters.bias2);
         let out = Grid { data: out, row: PANEL / BLOCK * block_stride, half: block_stride };
-        let start = Start::Bias(parameters.bias2);
-        rows_times_panel::<CONV2_ROW>(isa, self.len2, a, parameters.weight2, start, Finish::Relu, out);
+        let mut sample = SampleForward { input: hidden, weights, bias, out };
+        if sample.run_if_few(isa, self.len2, rows) {
+            return;
+        }
+        let out = sample.out;
+        let a = Strips { data: hidden, blocks: 1, block_len: CONV2_KERNEL * CONV_CHANNELS, block_stride: 0 };
+        rows_times_panel::<CONV2_ROW>(isa, self.len2, a, weights, Start::Bias(bias), Finish::Relu, out);
     }
 
     /// Adds one sample's gradients; `d_out` `[len2, 32]` is already behind the ReLU of conv2.
@@ -165,7 +169,7 @@ impl Convolutions {
         scratch: &mut ConvScratch,
         gradient: &mut ConvParts<&mut [f32]>,
     ) {
-        let ConvScratch { hidden, d_hidden, masks, sums, weight2 } = scratch;
+        let ConvScratch { hidden, d_hidden, masks, sums, weight2, .. } = scratch;
         self.conv1(isa, parameters, padded, hidden);
         let steps = |data, step| Steps { data, step, segment: 0, half: HALF };
         let count = |steps| Count { segments: 1, steps };
@@ -311,10 +315,44 @@ mod tests {
         parts.iter().flatten().map(|value| value.to_bits()).collect()
     }
 
+    /// conv2 of so many positions, of whose inputs this share is not zero, written row by row: in bits, without and with
+    /// zeros.
+    fn outputs(isa: Isa, positions: usize, share: f32) -> [Option<Vec<u32>>; 2] {
+        let (weights, bias) = (values(TRANSPOSED2_LEN, 1), values(PANEL, 2));
+        let keep = values((2 * positions + 1) * CONV_CHANNELS, 3);
+        let input: Vec<f32> = values(keep.len(), 4)
+            .into_iter()
+            .zip(keep)
+            .map(|(x, keep)| if keep < 2.0 * share - 1.0 { x.abs() } else { 0.0 })
+            .collect();
+        let (row, half) = (40, 20);
+        let before = values(positions * row, 5);
+        let bits = |values: &[f32]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
+        let mut found = before.clone();
+        let out = Grid { data: &mut found[..], row, half };
+        let mut sample = SampleForward { input: &input, weights: &weights, bias: &bias, out };
+        let has_run = sample.run_if_few(isa, positions, &mut vec![7]);
+        assert!(has_run || found == before, "an output is written although zeros were not left out");
+        let mut expected = before.clone();
+        let out = Grid { data: &mut expected[..], row, half };
+        let (blocks, block_len, block_stride) = (1, CONV2_KERNEL * CONV_CHANNELS, 0);
+        let a = Strips { data: &input[..], blocks, block_len, block_stride };
+        let start = Start::Bias(&bias);
+        rows_times_panel::<CONV2_ROW>(isa, positions, a, &weights, start, Finish::Relu, out);
+        [has_run.then(|| bits(&found)), Some(bits(&expected))]
+    }
+
     #[test]
     fn convolutions_that_leave_out_zeros_have_the_bits_of_those_that_do_not() {
         let can = |isa: &Isa| Linear::new(64, 64).may_leave_out_zeros(*isa, 64);
         for isa in Isa::available().into_iter().filter(can) {
+            for positions in [1, 2, 6, 75, 128] {
+                for share in [0.0, 0.1, 0.5] {
+                    let [found, expected] = outputs(isa, positions, share);
+                    assert!(found == expected, "{positions} positions, {share}");
+                }
+                assert_eq!(outputs(isa, positions, 1.0)[0], None);
+            }
             // 6, 6, 76, 128 and 128 positions; with 25 and 513 beams the last row has a single reader.
             for beams in [24, 25, 304, 512, 513] {
                 for share in [0.0, 0.3, 1.0] {

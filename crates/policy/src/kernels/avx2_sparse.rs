@@ -14,7 +14,7 @@ use std::arch::x86_64::{
 use super::blocked::BLOCK;
 use super::rows::{PANEL, Start};
 use super::sparse::{After, QUARTERS, SPAN, SpanGradient, SpanProduct};
-use super::sparse_conv::{SampleGradient, WINDOW, WINDOW_STEP};
+use super::sparse_conv::{SampleForward, SampleGradient, WINDOW, WINDOW_STEP};
 use super::transpose::eight_by_eight;
 
 /// Floats of a register.
@@ -231,6 +231,69 @@ pub(super) unsafe fn gradient(product: &mut SpanGradient<'_>) {
                 unsafe { _mm256_storeu_ps(product.gradient.as_mut_ptr().add(at + input * PANEL), sum) }
             }
         }
+    }
+}
+
+/// Says which values of rows of 32 are not zero; returns how many.
+///
+/// # Safety
+///
+/// AVX2.
+#[target_feature(enable = "avx2,popcnt")]
+pub(super) unsafe fn mask_rows(rows: &[[f32; PANEL]], masks: &mut [u32]) -> u32 {
+    let mut kept = 0;
+    for (row, mask) in rows.iter().zip(masks) {
+        *mask = 0;
+        for quarter in 0..ROW {
+            // SAFETY: a row is four registers.
+            let values = unsafe { _mm256_loadu_ps(row.as_ptr().add(quarter * LANES)) };
+            let of_quarter = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_NEQ_UQ>(values, _mm256_setzero_ps()));
+            *mask |= (of_quarter as u32) << (quarter * LANES);
+        }
+        kept += mask.count_ones();
+    }
+    kept
+}
+
+/// [`SampleForward::run_if_few`] for rows with these masks.
+///
+/// # Safety
+///
+/// AVX2, FMA and BMI1, and operands as long as `run_if_few` checks.
+#[target_feature(enable = "avx2,fma,bmi1")]
+pub(super) unsafe fn conv_forward(sample: &mut SampleForward<'_>, masks: &[u32]) {
+    let (input, weights, bias) = (sample.input.as_ptr(), sample.weights.as_ptr(), sample.bias.as_ptr());
+    let (out, row, half) = (sample.out.data.as_mut_ptr(), sample.out.row, sample.out.half);
+    let of_kernel = |kernel: usize| -> [*const f32; ROW] {
+        std::array::from_fn(|quarter| weights.wrapping_add(kernel * PANEL * PANEL + quarter * LANES))
+    };
+    let ([first, second, third], positions) = ([0, 1, 2].map(of_kernel), masks.len() / 2);
+    let both: [*const f32; 2 * ROW] =
+        std::array::from_fn(|eighth| if eighth < ROW { third[eighth] } else { first[eighth - ROW] });
+    let (masks, last) = (masks.chunks_exact(2), masks[2 * positions]);
+    // SAFETY: rows of 32 values, kernels of 32 × 32 weights and positions are among those checked.
+    unsafe {
+        let bias: [__m256; ROW] = std::array::from_fn(|quarter| _mm256_loadu_ps(bias.add(quarter * LANES)));
+        let store = |position: usize, sums: [__m256; ROW]| {
+            for (quarter, sum) in sums.into_iter().enumerate() {
+                let sum = _mm256_max_ps(sum, _mm256_setzero_ps());
+                _mm256_storeu_ps(out.add(position * row + within(half, quarter)), sum);
+            }
+        };
+        let of_row = |row: usize| move |k: usize| input.wrapping_add(row * PANEL + k);
+        let mut sums = bias;
+        for (position, mask) in masks.enumerate() {
+            let even: [__m256; 2 * ROW] =
+                std::array::from_fn(|eighth| if eighth < ROW { sums[eighth] } else { bias[eighth - ROW] });
+            let even = add::<{ 2 * ROW }, PANEL>(even, u64::from(mask[0]), of_row(2 * position), both);
+            if position > 0 {
+                store(position - 1, std::array::from_fn(|quarter| even[quarter]));
+            }
+            let own = std::array::from_fn(|quarter| even[ROW + quarter]);
+            sums = add::<ROW, PANEL>(own, u64::from(mask[1]), of_row(2 * position + 1), second);
+        }
+        let sums = add::<ROW, PANEL>(sums, u64::from(last), of_row(2 * positions), third);
+        store(positions - 1, sums);
     }
 }
 

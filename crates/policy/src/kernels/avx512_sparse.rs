@@ -12,7 +12,7 @@ use std::arch::x86_64::{
 use super::blocked::BLOCK;
 use super::rows::{PANEL, Start};
 use super::sparse::{After, QUARTERS, SPAN, SpanGradient, SpanProduct};
-use super::sparse_conv::{SampleGradient, WINDOW, WINDOW_STEP};
+use super::sparse_conv::{SampleForward, SampleGradient, WINDOW, WINDOW_STEP};
 
 /// The sums of a span.
 type Sums = [__m512; QUARTERS];
@@ -217,6 +217,66 @@ pub(super) unsafe fn gradient(product: &mut SpanGradient<'_>) {
                 unsafe { _mm512_storeu_ps(product.gradient.as_mut_ptr().add(at + input * PANEL), sum) }
             }
         }
+    }
+}
+
+/// Says which values of rows of 32 are not zero; returns how many.
+///
+/// # Safety
+///
+/// AVX-512F.
+#[target_feature(enable = "avx512f,popcnt")]
+pub(super) unsafe fn mask_rows(rows: &[[f32; PANEL]], masks: &mut [u32]) -> u32 {
+    let mut kept = 0;
+    for (row, mask) in rows.iter().zip(masks) {
+        // SAFETY: a row is two registers.
+        let [low, high] = [0, BLOCK].map(|half| unsafe {
+            let values = _mm512_loadu_ps(row.as_ptr().add(half));
+            _mm512_cmp_ps_mask::<_CMP_NEQ_UQ>(values, _mm512_setzero_ps())
+        });
+        *mask = u32::from(low) | u32::from(high) << BLOCK;
+        kept += mask.count_ones();
+    }
+    kept
+}
+
+/// [`SampleForward::run_if_few`] for rows with these masks.
+///
+/// # Safety
+///
+/// AVX-512F and BMI1, and operands as long as `run_if_few` checks.
+#[target_feature(enable = "avx512f,bmi1")]
+pub(super) unsafe fn conv_forward(sample: &mut SampleForward<'_>, masks: &[u32]) {
+    let (input, weights, bias) = (sample.input.as_ptr(), sample.weights.as_ptr(), sample.bias.as_ptr());
+    let (out, row, half) = (sample.out.data.as_mut_ptr(), sample.out.row, sample.out.half);
+    let of_kernel = |kernel: usize| {
+        let weights = weights.wrapping_add(kernel * PANEL * PANEL);
+        [weights, weights.wrapping_add(BLOCK)]
+    };
+    let ([first, second, third], positions) = ([0, 1, 2].map(of_kernel), masks.len() / 2);
+    let (masks, last) = (masks.chunks_exact(2), masks[2 * positions]);
+    // SAFETY: rows of 32 values, kernels of 32 × 32 weights and positions are among those checked.
+    unsafe {
+        let bias = [_mm512_loadu_ps(bias), _mm512_loadu_ps(bias.add(BLOCK))];
+        let store = |position: usize, sums: [__m512; 2]| {
+            for (at, sum) in sums.into_iter().enumerate() {
+                let sum = _mm512_max_ps(sum, _mm512_setzero_ps());
+                _mm512_storeu_ps(out.add(position * row + at * half), sum);
+            }
+        };
+        let of_row = |row: usize| move |k: usize| input.wrapping_add(row * PANEL + k);
+        let mut sums = bias;
+        for (position, mask) in masks.enumerate() {
+            let even = [sums[0], sums[1], bias[0], bias[1]];
+            let partners = [third[0], third[1], first[0], first[1]];
+            let even = add::<4, PANEL>(even, u64::from(mask[0]), of_row(2 * position), partners);
+            if position > 0 {
+                store(position - 1, [even[0], even[1]]);
+            }
+            sums = add::<2, PANEL>([even[2], even[3]], u64::from(mask[1]), of_row(2 * position + 1), second);
+        }
+        let sums = add::<2, PANEL>(sums, u64::from(last), of_row(2 * positions), third);
+        store(positions - 1, sums);
     }
 }
 

@@ -48,4 +48,4 @@ pub use linear::{Forward, Linear};
 pub use outer::{Count, Steps, outer_products};
 pub(crate) use pieces::for_each_piece;
 pub use rows::{Finish, Grid, HALF, PANEL, Start, Strips, rows_times_panel};
-pub use sparse_conv::{SampleGradient, SampleMasks};
+pub use sparse_conv::{SampleForward, SampleGradient, SampleMasks};

@@ -5,6 +5,8 @@
 //! trained network. As in [`sparse`](super::sparse) masks say which are not, sums are made in the order of the dense
 //! products, and the bits are the same (test `convolutions_that_leave_out_zeros_have_the_bits_of_those_that_do_not`).
 //!
+//! - Output: each value of an even row is multiplied by its channel's weights for the two positions that read the row, of
+//!   an odd row for the one. The sums of a position wait in registers for its next row.
 //! - Input gradient: each value is multiplied by its channel's weights for the three rows that its position reads, six
 //!   registers of AVX-512. A row that two positions read waits in registers for the second.
 //! - Weight gradient: for each output channel, each position's value is multiplied by its whole window, six registers.
@@ -12,7 +14,7 @@
 
 use super::Isa;
 use super::isa::Level;
-use super::rows::PANEL;
+use super::rows::{Grid, HALF, PANEL};
 
 /// Channels on either side.
 const CHANNELS: usize = PANEL;
@@ -20,6 +22,8 @@ const CHANNELS: usize = PANEL;
 pub(super) const WINDOW: usize = 3 * CHANNELS;
 /// Between the windows of two positions.
 pub(super) const WINDOW_STEP: usize = 2 * CHANNELS;
+/// Above this share of inputs that are not zero the dense forward product is faster.
+const DENSE_INPUT: f64 = 0.65;
 /// Positions of a mask.
 const PART: usize = u64::BITS as usize;
 
@@ -63,6 +67,61 @@ fn transpose(words: &mut [u32; CHANNELS]) {
         }
         width /= 2;
         low ^= low << width;
+    }
+}
+
+/// conv2 and its ReLU for one sample, whose input is behind a ReLU itself.
+#[derive(Debug)]
+pub struct SampleForward<'a> {
+    /// The padded input, rows of 32 values: two for each position, and one.
+    pub input: &'a [f32],
+    /// Weights `[kernel][input channel][output channel]`.
+    pub weights: &'a [f32],
+    /// Bias of each output channel.
+    pub bias: &'a [f32],
+    /// The output; a row for each position.
+    pub out: Grid<&'a mut [f32]>,
+}
+
+impl SampleForward<'_> {
+    /// Computes the output of so many positions, unless too many inputs are not zero or the processor has no such product: then
+    /// it says `false` and writes nothing. `masks` is memory for the masks of the rows.
+    ///
+    /// # Panics
+    ///
+    /// If an operand is too short.
+    pub fn run_if_few(&mut self, isa: Isa, positions: usize, masks: &mut Vec<u32>) -> bool {
+        let rows = 2 * positions + 1;
+        assert!(positions > 0 && self.input.len() >= rows * CHANNELS, "inputs: {}", self.input.len());
+        assert!(self.weights.len() >= WINDOW * CHANNELS, "weights: {}", self.weights.len());
+        assert!(self.bias.len() >= CHANNELS, "bias: {}", self.bias.len());
+        let needed = (positions - 1) * self.out.row + self.out.half + HALF;
+        assert!(self.out.data.len() >= needed, "output: {} < {needed}", self.out.data.len());
+        masks.clear();
+        masks.resize(rows, 0);
+        let (input, _) = self.input.as_chunks::<CHANNELS>();
+        let kept = match isa.0 {
+            // SAFETY: an `Isa` exists only where the processor has it.
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx512 => unsafe { super::avx512_sparse::mask_rows(input, masks) },
+            // SAFETY: as above.
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx2 => unsafe { super::avx2_sparse::mask_rows(input, masks) },
+            _ => return false,
+        };
+        if f64::from(kept) > DENSE_INPUT * (rows * CHANNELS) as f64 {
+            return false;
+        }
+        match isa.0 {
+            // SAFETY: an `Isa` exists only where the processor has it; lengths are checked above.
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx512 => unsafe { super::avx512_sparse::conv_forward(self, masks) },
+            // SAFETY: as above.
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx2 => unsafe { super::avx2_sparse::conv_forward(self, masks) },
+            _ => return false,
+        }
+        true
     }
 }
 
