@@ -9,7 +9,9 @@ use std::sync::{Arc, Mutex};
 use super::conv::{ConvParts, ConvScratch, Convolutions, TRANSPOSED2_LEN};
 use super::permutation::Permutation;
 use crate::config::{CONV1_KERNEL, CONV2_KERNEL};
-use crate::kernels::{AlignedVec, BLOCK, Chunks, Forward, Head, Isa, Linear, PANEL, for_each_piece};
+use crate::kernels::{
+    AlignedVec, BLOCK, Chunks, Forward, Head, Isa, Linear, PANEL, for_each_piece, prefetch,
+};
 use crate::observation::TAIL_LEN;
 use crate::{Batch, Layout, Network, NetworkConfig, Parameters, PolicyError};
 
@@ -117,6 +119,9 @@ pub(super) struct Memory {
 #[derive(Debug)]
 pub(super) struct Scratch {
     pub(super) conv: ConvScratch,
+    /// Padded scans and outputs of the convolutions where no backward pass follows.
+    scans: AlignedVec,
+    x: AlignedVec,
     /// Gradient of a chunk's convolution outputs.
     pub(super) d_x: AlignedVec,
     /// Gradient of what stands behind the laser feature in fc2's input.
@@ -136,6 +141,8 @@ impl Pool {
         let free = lock().pop();
         let mut scratch = free.unwrap_or_else(|| Scratch {
             conv: conv.scratch(),
+            scans: AlignedVec::default(),
+            x: AlignedVec::default(),
             d_x: AlignedVec::default(),
             d_tail: AlignedVec::default(),
             masks: Vec::new(),
@@ -219,8 +226,21 @@ impl FastNetwork {
         Ok(network)
     }
 
-    /// Computes the outputs into `memory`.
-    fn run(&mut self, batch: Batch<'_>) -> Chunks {
+    /// The outputs, and how the batch was cut unless it is empty; `keep` says whether a backward pass may follow.
+    fn outputs_of(&mut self, batch: Batch<'_>, keep: bool, outputs: &mut [f32]) -> Option<Chunks> {
+        assert_eq!(outputs.len(), batch.len() * self.n_outputs(), "outputs of {} rows", batch.len());
+        self.kept = None;
+        if batch.is_empty() {
+            return None;
+        }
+        let chunks = self.run(batch, keep);
+        outputs.copy_from_slice(&self.memory.outputs);
+        Some(chunks)
+    }
+
+    /// Computes the outputs into `memory`. Without a backward pass to `keep` them for, padded scans and convolutions' outputs
+    /// are in a task's scratch memory, where the second-level cache holds them for the next chunk.
+    fn run(&mut self, batch: Batch<'_>, keep: bool) -> Chunks {
         let width = self.config.observation_len();
         if let Err(error) = batch.check(width, self.config.n_behaviours) {
             panic!("{error}");
@@ -228,8 +248,10 @@ impl FastNetwork {
         let chunks = Chunks::new(batch.len());
         let n_outputs = self.head.n_outputs();
         let memory = &mut self.memory;
-        memory.scans.reserve_len(batch.len() * self.conv.scans_len());
-        memory.x.reserve_len(chunks.len(self.fc1.inputs()));
+        let (scans_len, x_len) = (chunks.size * self.conv.scans_len(), chunks.chunk_len(self.fc1.inputs()));
+        let [kept_scans, kept_x] = [scans_len, x_len].map(|len| if keep { len } else { 0 });
+        memory.scans.reserve_len(chunks.count * kept_scans);
+        memory.x.reserve_len(chunks.count * kept_x);
         memory.concat.reserve_len(chunks.len(self.fc2.inputs()));
         memory.hidden.reserve_len(chunks.len(self.fc2.outputs()));
         memory.y.reserve_len(chunks.len(self.head.padded()));
@@ -249,17 +271,15 @@ impl FastNetwork {
             at: &self.at,
         };
         let pool = &self.pool;
-        let [x_len, concat_len, hidden_len, y_len] =
-            [self.fc1.inputs(), self.fc2.inputs(), self.fc2.outputs(), self.head.padded()]
-                .map(|features| chunks.chunk_len(features));
-        let scans_len = chunks.size * self.conv.scans_len();
+        let [concat_len, hidden_len, y_len] = [self.fc2.inputs(), self.fc2.outputs(), self.head.padded()]
+            .map(|features| chunks.chunk_len(features));
         let may_leave_out = self.fc1.may_leave_out_zeros(self.isa, chunks.size);
         let masks_len = if may_leave_out { self.fc1.spans() * chunks.size } else { 0 };
         memory.masks.resize(chunks.count * masks_len, 0);
         let Memory { scans, x, masks, concat, hidden, y, outputs, .. } = memory;
         let slices = [
-            (&mut scans[..], scans_len),
-            (&mut x[..], x_len),
+            (&mut scans[..], kept_scans),
+            (&mut x[..], kept_x),
             (&mut concat[..], concat_len),
             (&mut hidden[..], hidden_len),
             (&mut y[..], y_len),
@@ -267,8 +287,17 @@ impl FastNetwork {
         ];
         let slices = (slices, (&mut masks[..], masks_len));
         for_each_piece(chunks.count, slices, &|chunk, ([scans, x, concat, hidden, y, outputs], masks)| {
-            let part = ForwardPart { chunk, scans, x, masks, concat, hidden, y, outputs };
-            pool.with(model.conv, |scratch| model.forward(batch, &chunks, part, scratch));
+            pool.with(model.conv, |scratch| {
+                let Scratch { conv, scans: own_scans, x: own_x, .. } = scratch;
+                let (mut scans, mut x) = (scans, x);
+                if !keep {
+                    own_scans.reserve_len(scans_len);
+                    own_x.reserve_len(x_len);
+                    (scans, x) = (&mut own_scans[..scans_len], &mut own_x[..x_len]);
+                }
+                let part = ForwardPart { chunk, scans, x, masks, concat, hidden, y, outputs };
+                model.forward(batch, &chunks, part, conv);
+            });
         });
         chunks
     }
@@ -301,7 +330,7 @@ struct Model<'a> {
 
 impl Model<'_> {
     /// One chunk, from observations to outputs.
-    fn forward(&self, batch: Batch<'_>, chunks: &Chunks, part: ForwardPart<'_>, scratch: &mut Scratch) {
+    fn forward(&self, batch: Batch<'_>, chunks: &Chunks, part: ForwardPart<'_>, scratch: &mut ConvScratch) {
         let ForwardPart { chunk, scans, x, masks, concat, hidden, y, outputs } = part;
         let (rows, first) = (chunks.rows(chunk), chunks.first(chunk));
         let (isa, p) = (self.isa, self.parameters);
@@ -309,15 +338,11 @@ impl Model<'_> {
         let conv = conv_parts(self.conv, p);
         for (row, scans) in scans.chunks_exact_mut(self.conv.scans_len()).take(rows).enumerate() {
             let observation = batch.observation(first + row, width);
+            if row + 1 < rows {
+                prefetch(batch.observation(first + row + 1, width));
+            }
             self.conv.pad(observation, scans);
-            self.conv.forward(
-                isa,
-                conv,
-                scans,
-                &mut scratch.conv,
-                &mut x[row * BLOCK..],
-                chunks.block_stride(),
-            );
+            self.conv.forward(isa, conv, scans, scratch, &mut x[row * BLOCK..], chunks.block_stride());
             if !masks.is_empty() {
                 let (x, masks) = (&x[row * BLOCK..], &mut masks[row..]);
                 self.fc1.mask_row(isa, x, chunks.block_stride(), masks, chunks.size);
@@ -397,19 +422,11 @@ impl Network for FastNetwork {
     }
 
     fn infer(&mut self, batch: Batch<'_>, outputs: &mut [f32]) {
-        self.forward(batch, outputs);
-        self.kept = None;
+        self.outputs_of(batch, false, outputs);
     }
 
     fn forward(&mut self, batch: Batch<'_>, outputs: &mut [f32]) {
-        assert_eq!(outputs.len(), batch.len() * self.n_outputs(), "outputs of {} rows", batch.len());
-        self.kept = None;
-        if batch.is_empty() {
-            return;
-        }
-        let chunks = self.run(batch);
-        outputs.copy_from_slice(&self.memory.outputs);
-        self.kept = Some(chunks);
+        self.kept = self.outputs_of(batch, true, outputs);
     }
 
     fn backward(&mut self, d_outputs: &[f32]) {

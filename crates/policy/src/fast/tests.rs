@@ -158,3 +158,23 @@ fn widths_that_fill_no_panel_are_refused() {
     );
     assert!(Mlp::new(4, 40, 2, &parameters(Mlp::layout(4, 40, 2))).is_err());
 }
+
+#[test]
+fn inference_has_the_bits_of_the_forward_pass() {
+    let config = NetworkConfig { n_behaviours: 3, ..NetworkConfig::default() };
+    let width = config.observation_len();
+    for isa in Isa::available() {
+        let mut network = actor(&config, isa);
+        // Chunks of several sizes, one after the other in the same memory; the last of 67 rows is shorter.
+        for n_rows in [5, 67, 24, 130] {
+            let observations = values(n_rows * width, n_rows as u32);
+            let tokens: Vec<u32> = (0..n_rows as u32).map(|row| row % 3).collect();
+            let batch = Batch::new(&observations, &tokens);
+            let [mut kept, mut inferred] = [(); 2].map(|()| vec![0.0; n_rows * network.n_outputs()]);
+            network.infer(batch, &mut inferred);
+            network.forward(batch, &mut kept);
+            assert!(kept.iter().all(|value| *value != 0.0), "{kept:?}");
+            assert_eq!(inferred, kept, "{n_rows} rows");
+        }
+    }
+}
