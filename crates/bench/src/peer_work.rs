@@ -31,6 +31,10 @@ pub enum PeerWork {
     },
 }
 
+/// Rows of a round of inference, for both sides: a tenth of a second, so that neither the caches that the other side left
+/// cold nor a slice of the scheduler decides.
+const ROWS_OF_A_ROUND: usize = 4000;
+
 impl PeerWork {
     /// What a unit is.
     pub fn unit(self) -> &'static str {
@@ -61,7 +65,7 @@ impl PeerWork {
             }
             Self::Forward { batch } => {
                 let mut work = WorkU::new()?;
-                let calls = 1 + 400 / batch;
+                let calls = 1 + ROWS_OF_A_ROUND / batch;
                 (0..calls).for_each(|_| work.actor.infer(batch));
                 Box::new(move || {
                     Round::repeat(threads, || {
