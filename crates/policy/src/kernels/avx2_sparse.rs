@@ -238,7 +238,7 @@ pub(super) unsafe fn gradient(product: &mut SpanGradient<'_>) {
 ///
 /// # Safety
 ///
-/// AVX2.
+/// AVX2 and POPCNT.
 #[target_feature(enable = "avx2,popcnt")]
 pub(super) unsafe fn mask_rows(rows: &[[f32; PANEL]], masks: &mut [u32]) -> u32 {
     let mut kept = 0;

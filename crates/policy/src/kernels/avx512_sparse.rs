@@ -224,7 +224,7 @@ pub(super) unsafe fn gradient(product: &mut SpanGradient<'_>) {
 ///
 /// # Safety
 ///
-/// AVX-512F.
+/// AVX-512F and POPCNT.
 #[target_feature(enable = "avx512f,popcnt")]
 pub(super) unsafe fn mask_rows(rows: &[[f32; PANEL]], masks: &mut [u32]) -> u32 {
     let mut kept = 0;
@@ -301,7 +301,6 @@ pub(super) unsafe fn conv_input_gradient(
     let partners: [*const f32; SIXTHS] = std::array::from_fn(|sixth| {
         weights.wrapping_add((sixth / 2 + 1) % 3 * PANEL * PANEL + sixth % 2 * BLOCK)
     });
-    // SAFETY (of the calls): `row` is among those checked.
     let store = |row: usize, sums: [__m512; 2]| {
         for (half, sum) in sums.into_iter().enumerate() {
             let at = row * PANEL + half * BLOCK;

@@ -28,10 +28,11 @@ impl Isa {
         let mut found = Vec::new();
         #[cfg(target_arch = "x86_64")]
         {
-            // BMI1 came with AVX2: the sparse kernels walk over bits with it.
+            // BMI1 and POPCNT are in every processor with AVX2: the sparse kernels walk over bits and count them.
             let has_avx2 = is_x86_feature_detected!("avx2")
                 && is_x86_feature_detected!("fma")
-                && is_x86_feature_detected!("bmi1");
+                && is_x86_feature_detected!("bmi1")
+                && is_x86_feature_detected!("popcnt");
             // Some kernels for AVX-512 use parts for AVX2.
             if has_avx2 && is_x86_feature_detected!("avx512f") {
                 found.push(Self(Level::Avx512));

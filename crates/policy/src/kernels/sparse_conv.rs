@@ -1,9 +1,10 @@
-//! The backward pass of conv2 where most output gradients are zero.
+//! conv2 where zeros are left out.
 //!
 //! conv2 has kernel 3, stride 2, and 32 channels on either side, channels last: position p reads the rows 2p, 2p + 1 and 2p + 2
-//! of its padded input (`[rows][32]`, row 0 padding). Behind its ReLU, more than half of its output gradients are zero in a
-//! trained network. As in [`sparse`](super::sparse) masks say which are not, sums are made in the order of the dense
-//! products, and the bits are the same (test `convolutions_that_leave_out_zeros_have_the_bits_of_those_that_do_not`).
+//! of its padded input (`[rows][32]`, row 0 padding). A ReLU stands before it and one behind: about half of its inputs are zero, and in a
+//! trained network more than half of its output gradients. As in [`sparse`](super::sparse) masks say which are not, sums are
+//! made in the order of the dense products, and the bits are the same (test
+//! `convolutions_that_leave_out_zeros_have_the_bits_of_those_that_do_not`).
 //!
 //! - Output: each value of an even row is multiplied by its channel's weights for the two positions that read the row, of
 //!   an odd row for the one. The sums of a position wait in registers for its next row.
@@ -22,7 +23,8 @@ const CHANNELS: usize = PANEL;
 pub(super) const WINDOW: usize = 3 * CHANNELS;
 /// Between the windows of two positions.
 pub(super) const WINDOW_STEP: usize = 2 * CHANNELS;
-/// Above this share of inputs that are not zero the dense forward product is faster.
+/// Above this share of inputs that are not zero the dense forward product is faster. Measured on a processor with one 512-bit
+/// multiply-add a cycle: 4.8, 5.8 and 6.7 µs a sample at a share of 0.4, 0.5 and 0.6, dense 7.1.
 const DENSE_INPUT: f64 = 0.65;
 /// Positions of a mask.
 const PART: usize = u64::BITS as usize;
