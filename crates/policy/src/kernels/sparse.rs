@@ -28,8 +28,8 @@ pub(super) const SPAN: usize = 64;
 /// Blocks of a span.
 pub(super) const QUARTERS: usize = SPAN / BLOCK;
 /// Above this share of values that are not zero the dense product is faster. Measured at 4096 × 256 on a processor with one
-/// 512-bit multiply-add a cycle: about 1.4 times faster at a share of 0.5, even at 0.7 to 0.75; conv2's backward pass (a sample,
-/// µs) 7.2 at 0.4 and 13.0 at 0.75, dense 13.8.
+/// 512-bit multiply-add a cycle: about 1.4 times faster at a share of 0.5, even at 0.7 to 0.75. conv2's backward pass of a
+/// sample: 7.2 µs at 0.4, 13.0 at 0.75, dense 13.8.
 const DENSE: f64 = 0.75;
 /// Fewer rows than this are bound by reading the weights, not by arithmetic.
 const ROWS_MIN: usize = 16;

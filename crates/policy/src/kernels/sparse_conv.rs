@@ -1,9 +1,9 @@
 //! conv2 where zeros are left out.
 //!
-//! conv2 has kernel 3, stride 2, and 32 channels on either side, channels last: position p reads the rows 2p, 2p + 1 and 2p + 2
-//! of its padded input (`[rows][32]`, row 0 padding). A ReLU stands before it and one behind: about half of its inputs are zero, and in a
-//! trained network more than half of its output gradients. As in [`sparse`](super::sparse) masks say which are not, sums are
-//! made in the order of the dense products, and the bits are the same (test
+//! conv2 has kernel 3, stride 2, and 32 channels on either side, channels last: position p reads the rows 2p, 2p + 1 and
+//! 2p + 2 of its padded input (`[rows][32]`, row 0 padding). A ReLU stands before it and one behind: about half of its inputs are
+//! zero, and in a trained network more than half of its output gradients. As in [`sparse`](super::sparse) masks say which are
+//! not, sums are made in the order of the dense products, and the bits are the same (test
 //! `convolutions_that_leave_out_zeros_have_the_bits_of_those_that_do_not`).
 //!
 //! - Output: each value of an even row is multiplied by its channel's weights for the two positions that read the row, of
