@@ -3,7 +3,7 @@
 //! A ReLU stands before the layer and one behind it, so half of its inputs and of its output gradients are zero here, as in a fresh
 //! network. Operations are counted as if they were not.
 
-use jostle_policy::kernels::{AlignedVec, BLOCK, Chunks, Forward, Isa, Linear};
+use jostle_policy::kernels::{AlignedVec, Chunks, Forward, Isa, Linear};
 use rand::Rng;
 
 use crate::clock::Stopwatch;
@@ -79,12 +79,7 @@ impl Fc1 {
         for (chunk, ((x, y), masks)) in
             self.x.chunks(x_len).zip(self.y.chunks_mut(y_len)).zip(masks).enumerate()
         {
-            if self.layer.may_leave_out_zeros(isa, chunks.size) {
-                for row in 0..chunks.rows(chunk) {
-                    let x = &x[row * BLOCK..];
-                    self.layer.mask_row(isa, x, chunks.block_stride(), &mut masks[row..], chunks.size);
-                }
-            }
+            self.layer.mask_chunk(isa, chunks, chunks.rows(chunk), x, masks);
             let operands = Forward::new(chunks, chunk, x, y, true);
             self.layer.forward_behind_relu(isa, &self.weights, &self.bias, operands, masks);
         }

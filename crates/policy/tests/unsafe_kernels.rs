@@ -5,9 +5,8 @@
 //! tiles; values are checked against sums in double precision.
 
 use jostle_policy::kernels::{
-    AdamStep, AlignedVec, BLOCK, Chunks, Count, Finish, Forward, Grid, HALF, Isa, Linear, PANEL,
-    SampleForward, SampleGradient, SampleMasks, Start, Steps, Strips, adam_step, outer_products,
-    rows_times_panel,
+    AdamStep, AlignedVec, Chunks, Count, Finish, Forward, Grid, HALF, Isa, Linear, PANEL, SampleForward,
+    SampleGradient, SampleMasks, Start, Steps, Strips, adam_step, outer_products, rows_times_panel,
 };
 
 /// A fixed, irregular sequence in −1 … 1, in memory of exactly this length.
@@ -148,10 +147,7 @@ fn leave_out_zeros(activation: fn(f32) -> f32) {
                 let len = chunks.chunk_len(64);
                 let part = chunk * len..(chunk + 1) * len;
                 let forward = Forward::new(&chunks, chunk, &x[part.clone()], &mut y[part.clone()], true);
-                for row in 0..if layer.may_leave_out_zeros(isa, chunks.size) { forward.rows } else { 0 } {
-                    let x = &forward.x[row * BLOCK..];
-                    layer.mask_row(isa, x, chunks.block_stride(), &mut masks[row..], chunks.size);
-                }
+                layer.mask_chunk(isa, &chunks, forward.rows, forward.x, &mut masks);
                 layer.forward_behind_relu(isa, &weights, &bias, forward, &masks);
                 let (dy, x, rows) = (&dy[part.clone()], &x[part], chunks.rows(chunk));
                 let dx = &mut dx[chunks.first(chunk) * 64..][..rows * 64];

@@ -144,7 +144,7 @@ impl FastNetwork {
 
         let x_row = self.fc1.inputs() + ROW_GAP;
         scratch.d_x.reserve_len(chunks.size * x_row);
-        let masks = &kept.masks[kept.masks.len() / chunks.count * chunk..];
+        let masks = &kept.masks[self.masks_len(chunks) * chunk..];
         self.fc1.input_gradient_between_relus(
             isa,
             &self.transposed.fc1,

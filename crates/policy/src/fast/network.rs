@@ -226,6 +226,11 @@ impl FastNetwork {
         Ok(network)
     }
 
+    /// Masks of a chunk's `x`; 0 where nothing is left out.
+    pub(super) fn masks_len(&self, chunks: &Chunks) -> usize {
+        if self.fc1.may_leave_out_zeros(self.isa, chunks.size) { self.fc1.spans() * chunks.size } else { 0 }
+    }
+
     /// The outputs, and how the batch was cut unless it is empty; `keep` says whether a backward pass may follow.
     fn outputs_of(&mut self, batch: Batch<'_>, keep: bool, outputs: &mut [f32]) -> Option<Chunks> {
         assert_eq!(outputs.len(), batch.len() * self.n_outputs(), "outputs of {} rows", batch.len());
@@ -246,7 +251,7 @@ impl FastNetwork {
             panic!("{error}");
         }
         let chunks = Chunks::new(batch.len());
-        let n_outputs = self.head.n_outputs();
+        let (n_outputs, masks_len) = (self.head.n_outputs(), self.masks_len(&chunks));
         let memory = &mut self.memory;
         let (scans_len, x_len) = (chunks.size * self.conv.scans_len(), chunks.chunk_len(self.fc1.inputs()));
         let [kept_scans, kept_x] = [scans_len, x_len].map(|len| if keep { len } else { 0 });
@@ -273,8 +278,6 @@ impl FastNetwork {
         let pool = &self.pool;
         let [concat_len, hidden_len, y_len] = [self.fc2.inputs(), self.fc2.outputs(), self.head.padded()]
             .map(|features| chunks.chunk_len(features));
-        let may_leave_out = self.fc1.may_leave_out_zeros(self.isa, chunks.size);
-        let masks_len = if may_leave_out { self.fc1.spans() * chunks.size } else { 0 };
         memory.masks.resize(chunks.count * masks_len, 0);
         let Memory { scans, x, masks, concat, hidden, y, outputs, .. } = memory;
         let slices = [

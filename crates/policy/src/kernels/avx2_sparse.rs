@@ -12,6 +12,7 @@ use std::arch::x86_64::{
 };
 
 use super::blocked::BLOCK;
+use super::linear::begins_run;
 use super::rows::{PANEL, Start};
 use super::sparse::{After, QUARTERS, SPAN, SpanGradient, SpanProduct};
 use super::sparse_conv::{SampleForward, SampleGradient, WINDOW, WINDOW_STEP};
@@ -178,8 +179,8 @@ pub(super) unsafe fn gradient(product: &mut SpanGradient<'_>) {
     for first in (0..outputs).step_by(SPAN) {
         let mut has_total = false;
         for chunk in 0..chunks.count {
-            let begins = product.starts_from_zero(chunk);
-            let ends = chunk + 1 == chunks.count || product.starts_from_zero(chunk + 1);
+            let begins = begins_run(chunks, chunk);
+            let ends = chunk + 1 == chunks.count || begins_run(chunks, chunk + 1);
             let x = x.as_ptr().wrapping_add(chunk * x_chunk);
             let partners = std::array::from_fn(|eighth| x.wrapping_add(within(stride, eighth)));
             // Each output fetches its share of the next chunk's inputs: what hides the way from the second-level cache.

@@ -17,13 +17,13 @@
 use super::blocked::{BLOCK, Chunks};
 use super::outer::{Count, Steps, outer_products};
 use super::rows::{Finish, Grid, HALF, PANEL, Start, Strips, rows_times_panel};
-use super::sparse::{
-    self, After, CHUNKS_AT_ONCE, QUARTERS, SPAN, SpanGradient, SpanProduct, rows_times_span, span_gradient,
-};
+use super::sparse::{self, After, QUARTERS, SPAN, SpanGradient, SpanProduct, rows_times_span, span_gradient};
 use super::{Isa, for_each_piece};
 
 /// Inputs of a group.
 const GROUP: usize = 256;
+/// Chunks summed in registers by one weight-gradient tile: 192 rows, 12 KB of inputs and 24 KB of output gradients.
+const CHUNKS_AT_ONCE: usize = 3;
 
 /// The shape of a linear layer whose number of outputs is a multiple of 32.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -114,6 +114,21 @@ impl Linear {
     /// If zeros may not be left out, or an operand is too short.
     pub fn mask_row(&self, isa: Isa, x: &[f32], block_stride: usize, masks: &mut [u64], step: usize) {
         sparse::mask_row(isa, self.spans(), x, block_stride, masks, step);
+    }
+
+    /// [`mask_row`](Self::mask_row) for all rows of a chunk, if zeros may be left out.
+    ///
+    /// # Panics
+    ///
+    /// If an operand is too short.
+    pub fn mask_chunk(&self, isa: Isa, chunks: &Chunks, rows: usize, x: &[f32], masks: &mut [u64]) {
+        if !self.may_leave_out_zeros(isa, rows) {
+            return;
+        }
+        for row in 0..rows {
+            let (x, masks) = (&x[row * BLOCK..], &mut masks[row..]);
+            self.mask_row(isa, x, chunks.block_stride(), masks, chunks.size);
+        }
     }
 
     /// Whether so few inputs of a chunk are not zero that leaving out the others pays; `masks` are by
@@ -415,14 +430,15 @@ impl<'a> Forward<'a> {
     }
 }
 
+/// Whether a weight gradient sums from zero from this chunk on: every third, and the last if it has fewer rows.
+pub(super) fn begins_run(chunks: &Chunks, chunk: usize) -> bool {
+    chunk.is_multiple_of(CHUNKS_AT_ONCE) || chunks.rows(chunk) < chunks.size
+}
+
 /// The chunks in runs of equal rows, at most three in one: (first chunk, segments and steps).
 fn chunk_runs(chunks: &Chunks) -> impl Iterator<Item = (usize, Count)> {
-    let n_full = chunks.batch / chunks.size;
-    let full = (0..n_full).step_by(CHUNKS_AT_ONCE).map(move |first| {
-        let segments = CHUNKS_AT_ONCE.min(n_full - first);
-        (first, segments)
-    });
-    let (size, rest) = (chunks.size, chunks.batch % chunks.size);
-    full.map(move |(first, segments)| (first, Count { segments, steps: size }))
-        .chain((rest > 0).then_some((n_full, Count { segments: 1, steps: rest })))
+    (0..chunks.count).filter(|chunk| begins_run(chunks, *chunk)).map(|first| {
+        let others = (first + 1..chunks.count).take_while(|chunk| !begins_run(chunks, *chunk));
+        (first, Count { segments: 1 + others.count(), steps: chunks.rows(first) })
+    })
 }

@@ -33,8 +33,6 @@ pub(super) const QUARTERS: usize = SPAN / BLOCK;
 const DENSE: f64 = 0.75;
 /// Fewer rows than this are bound by reading the weights, not by arithmetic.
 const ROWS_MIN: usize = 16;
-/// Chunks whose sums a weight gradient makes from zero before it adds them to the others': 192 rows.
-pub(super) const CHUNKS_AT_ONCE: usize = 3;
 
 /// Whether products may leave out zeros: the processor has the instructions, and there are enough rows.
 pub(super) fn is_worth_a_look(isa: Isa, rows: usize) -> bool {
@@ -200,13 +198,6 @@ pub(super) struct SpanGradient<'a> {
     pub(super) panel_stride: usize,
 }
 
-impl SpanGradient<'_> {
-    /// Whether a sum from zero begins with this chunk: every third, and the last if it has fewer rows.
-    pub(super) fn starts_from_zero(&self, chunk: usize) -> bool {
-        chunk.is_multiple_of(CHUNKS_AT_ONCE) || self.chunks.rows(chunk) < self.chunks.size
-    }
-}
-
 /// `gradient[output panel][input][32] = Σ_row x[row, input] · dy[row, output]`, summed as by
 /// [`Linear::weight_gradient`](super::Linear::weight_gradient).
 ///
@@ -227,10 +218,8 @@ pub(super) fn span_gradient(isa: Isa, mut product: SpanGradient<'_>) {
     assert!(dy.len() >= needed, "output gradients: {} < {needed}", dy.len());
     let needed = (outputs / PANEL - 1) * panel_stride + SPAN * PANEL;
     assert!(gradient.len() >= needed, "gradient: {} < {needed}", gradient.len());
-    assert!(
-        columns.iter().all(|mask| chunks.size == SPAN || mask >> chunks.size == 0),
-        "rows beyond a chunk"
-    );
+    let fits = |mask: &u64| mask >> chunks.size == 0;
+    assert!(chunks.size == SPAN || columns.iter().all(fits), "rows beyond a chunk");
     match isa.0 {
         // SAFETY: an `Isa` exists only where the processor has it; lengths are checked above, and a mask has bits for rows
         // of a chunk alone.
@@ -274,7 +263,6 @@ mod tests {
 
         let mut transposed = vec![0.0; layer.transposed_len()];
         layer.transpose(isa, &weights, &mut transposed);
-        let may_leave_out = layer.may_leave_out_zeros(isa, chunks.size);
         let (mut masks, mut dy_masks) = (vec![0; layer.spans() * chunks.size], Vec::new());
         for chunk in 0..chunks.count {
             let rows = chunks.rows(chunk);
@@ -287,10 +275,7 @@ mod tests {
             let mut found = expected.clone();
             layer.forward(isa, &weights, &bias, Forward::new(&chunks, chunk, x, &mut expected, true));
             let forward = Forward::new(&chunks, chunk, x, &mut found, true);
-            for row in 0..if may_leave_out { rows } else { 0 } {
-                let (x, masks) = (&x[row * BLOCK..], &mut masks[row..]);
-                layer.mask_row(isa, x, chunks.block_stride(), masks, chunks.size);
-            }
+            layer.mask_chunk(isa, &chunks, rows, x, &mut masks);
             layer.forward_behind_relu(isa, &weights, &bias, forward, &masks);
             assert_eq!(bits(&found), bits(&expected), "{name}: forward");
 
