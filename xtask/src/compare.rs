@@ -95,9 +95,14 @@ fn success(run: &RunLog, end: usize, window: usize) -> String {
 /// Every setting by its dotted key.
 pub(crate) fn settings(config: &Config) -> Result<BTreeMap<String, String>> {
     let table = toml::Table::try_from(config).context("a configuration that is no TOML")?;
+    Ok(flat(&table))
+}
+
+/// As [`settings`], of any table.
+pub(crate) fn flat(table: &toml::Table) -> BTreeMap<String, String> {
     let mut flat = BTreeMap::new();
-    flatten("", &table, &mut flat);
-    Ok(flat)
+    flatten("", table, &mut flat);
+    flat
 }
 
 fn flatten(prefix: &str, table: &toml::Table, flat: &mut BTreeMap<String, String>) {

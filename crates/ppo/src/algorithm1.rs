@@ -114,7 +114,9 @@ impl Trainer {
         let q_state = q("discriminator.state", width)?; // Alg. 1, line 1: q_ψs
         let pool = thread_pool(config.threads)?;
         let (n_rooms, n_agents, n_behaviours) = (config.n_rooms, config.n_agents, config.n_behaviours as u32);
-        let rooms = pool.install(|| Rooms::new(&config.sim, n_rooms, n_agents, n_behaviours, &streams))?;
+        let (sim, crowd) = (&config.sim, &config.training_crowd);
+        let rooms =
+            pool.install(|| Rooms::with_crowd(sim, crowd, n_rooms, n_agents, n_behaviours, &streams))?;
         Ok(Self {
             actor: Learner::new("actor", actor, config.learning_rate),
             critic: Learner::new("critic", critic, config.learning_rate),
@@ -183,6 +185,7 @@ impl Trainer {
             self.act(step, &mut clock)?; // Alg. 1, lines 5–7: all agents side by side
         }
         self.rollout.push_observations(self.rooms.observations(), self.rooms.tokens(), self.update)?;
+        self.rollout.keep_learners();
         clock.rollout = start.elapsed().as_secs_f64();
         let logits = self.judge();
         self.add_intrinsic_reward(&logits); // Alg. 1, line 8
@@ -208,7 +211,7 @@ impl Trainer {
         );
         let (policy, value_loss) = (policy?, value?);
         sa.and(s)?;
-        self.transitions += self.rollout.len() as u64;
+        self.transitions += self.rollout.n_collected() as u64;
         clock.total = start.elapsed().as_secs_f64();
         clock.learning = clock.total - clock.rollout - clock.evaluation;
         let n = self.rollout.len() as f64;
@@ -232,6 +235,7 @@ impl Trainer {
             first_ratio_deviation: policy.ratio_deviation,
             entropy: DiagonalGaussian { mean: [0.0; 2], log_std }.entropy(),
             log_std,
+            crowd: (!self.config.training_crowd.is_off()).then_some(self.rollout.crowd),
             clock,
         })
     }
@@ -289,6 +293,7 @@ impl Trainer {
         let (rollout, m) = (&mut self.rollout, self.config.n_behaviours);
         let log_q =
             |logits: &[f32], row: usize, token| log_softmax_at(&logits[row * m..(row + 1) * m], token);
+        rollout.intrinsic.resize(rollout.len(), 0.0);
         for row in 0..rollout.len() {
             let token = rollout.tokens()[row];
             let (sa, s) = (log_q(on_state_action, row, token), log_q(on_state, row, token));

@@ -53,7 +53,7 @@ impl BehaviourReport {
 impl Trainer {
     /// Acts for `rollouts` rollouts without learning and reports each of the M behaviours, by its token.
     ///
-    /// The policy acts as in training, by samples. The rooms go on from where they are, so the trainer is used up.
+    /// The policy acts as in training, by samples, among the run's training crowd, which is not counted. The rooms go on from where they are, so the trainer is used up.
     ///
     /// # Errors
     ///
@@ -77,7 +77,8 @@ impl Trainer {
         for step in 0..self.config.horizon as u64 {
             let acting = self.rooms.tokens().to_vec();
             self.act(step, &mut Clock::default())?;
-            for (transition, &token) in self.rooms.transitions().iter().zip(&acting) {
+            let steps = self.rooms.transitions().iter().zip(&acting);
+            for (transition, &token) in steps.filter(|(transition, _)| transition.role.learns()) {
                 let report = &mut reports[token as usize];
                 report.transitions += 1;
                 report.episodes.count(transition.end);
@@ -86,6 +87,7 @@ impl Trainer {
                 report.task_reward += f64::from(transition.reward);
             }
         }
+        self.rollout.keep_learners();
         let logits = self.judge();
         self.add_intrinsic_reward(&logits);
         let (m, tokens) = (self.config.n_behaviours, self.rollout.tokens());

@@ -6,7 +6,7 @@
 
 use jostle_diversity::{DiscriminatorConfig, IntrinsicReward};
 use jostle_policy::{Backend, NetworkConfig};
-use jostle_sim::SimConfig;
+use jostle_sim::{SimConfig, TrainingCrowd};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
@@ -87,6 +87,9 @@ pub struct Config {
     pub bootstrap_truncation: bool,
     /// The simulator.
     pub sim: SimConfig,
+    /// Agents of the training rooms that are not learners. Left out where all are.
+    #[serde(skip_serializing_if = "is_default")]
+    pub training_crowd: TrainingCrowd,
     /// Sizes of actor and critic.
     pub network: NetworkSection,
     /// Both discriminators.
@@ -169,6 +172,7 @@ impl Default for Config {
             add_log_m: false,
             bootstrap_truncation: false,
             sim: SimConfig::default(),
+            training_crowd: TrainingCrowd::default(),
             network: NetworkSection::default(),
             discriminator: DiscriminatorConfig::default(),
         }
@@ -215,13 +219,29 @@ impl Config {
         if self.alpha_weighs == AlphaWeighs::default() {
             table.remove("alpha_weighs");
         }
+        self.leave_out_defaults(&mut table);
         toml::to_string(&table).expect("a table is TOML")
+    }
+
+    /// Leaves the training crowd out where it is off, else those of its keys that have their default.
+    fn leave_out_defaults(&self, table: &mut toml::Table) {
+        if self.training_crowd.is_off() {
+            table.remove("training_crowd");
+        }
+        if let Some(toml::Value::Table(crowd)) = table.get_mut("training_crowd") {
+            let defaults = toml::Table::try_from(TrainingCrowd::default()).expect("plain numbers fit TOML");
+            crowd.retain(|key, value| defaults.get(key) != Some(value));
+        }
     }
 
     /// SHA-256 of [`Self::canonical_toml`] in hexadecimal: two runs of the same hash have the same curve.
     pub fn hash(&self) -> String {
         jostle_policy::hex(&Sha256::digest(self.canonical_toml().as_bytes()))
     }
+}
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 #[cfg(test)]
@@ -255,5 +275,24 @@ mod tests {
         assert_ne!(Config { seed: 2, ..Config::default() }.hash(), hash);
         assert_ne!(Config { alpha_weighs: AlphaWeighs::Advantage, ..Config::default() }.hash(), hash);
         assert!(!Config::default().canonical_toml().contains("alpha_weighs"));
+    }
+
+    #[test]
+    fn a_training_crowd_is_part_of_the_hash_once_there_is_one() {
+        let with = |training_crowd| Config { training_crowd, ..Config::default() };
+        let off = with(TrainingCrowd { speed_max: 1.5, ..TrainingCrowd::default() });
+        assert_eq!(off.hash(), Config::default().hash(), "nobody has that speed");
+        assert!(!toml::to_string(&Config::default()).unwrap().contains("training_crowd"));
+        let on = with(TrainingCrowd { blind: 0.5, speed_max: 1.5, ..TrainingCrowd::default() });
+        assert_ne!(on.hash(), Config::default().hash());
+        let text = on.canonical_toml();
+        let (_, section) = text.split_once("[training_crowd]\n").expect("a section");
+        assert_eq!(section, "blind = 0.5\nspeed_max = 1.5\n", "keys at their default are left out");
+        let none: &[&str] = &[];
+        assert_eq!(Config::parse(&text, "canonical", none).unwrap(), on);
+        let error = Config::parse("", "empty", &["training_crowd.blind=2"]).unwrap_err().to_string();
+        let expected =
+            "--set training_crowd.blind=2: training_crowd.blind: found 2, expected a number in [0, 1]";
+        assert_eq!(error, expected);
     }
 }

@@ -5,19 +5,19 @@ use serde::{Deserialize, Serialize};
 
 /// One update's measures, ready to be logged as one record.
 ///
-/// Rewards, returns and lengths are those of the rollout; discriminator losses and accuracies are measured on the new
+/// Rewards, returns and lengths are those of the learners in the rollout; discriminator losses and accuracies are measured on the new
 /// rollout *before* training on it, so that they tell of unseen data.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct UpdateReport {
     /// Number of this update, counted from 1.
     pub update: u64,
-    /// Transitions collected since the start of the run.
+    /// Transitions collected since the start of the run, those of a training crowd among them.
     pub transitions: u64,
     /// Mean task reward of a step.
     pub task_reward: f64,
     /// Mean intrinsic reward of a step, before its weight α.
     pub intrinsic_reward: f64,
-    /// Episodes that ended in this rollout.
+    /// Learners' episodes that ended in this rollout.
     pub episodes: EpisodeCounts,
     /// Mean undiscounted task return of those episodes; `None` when there was none.
     pub episode_return: Option<f64>,
@@ -45,8 +45,20 @@ pub struct UpdateReport {
     pub entropy: f64,
     /// Log standard deviations of v and ω after the update.
     pub log_std: [f32; 2],
+    /// What nobody learned from; `None` where there is no training crowd.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub crowd: Option<CrowdReport>,
     /// Where the time went.
     pub clock: Clock,
+}
+
+/// The members of a training crowd in a rollout.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct CrowdReport {
+    /// Transitions that were theirs.
+    pub transitions: u64,
+    /// How their episodes ended.
+    pub episodes: EpisodeCounts,
 }
 
 /// How the episodes of a rollout ended.

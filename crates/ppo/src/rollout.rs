@@ -6,14 +6,16 @@ use jostle_sim::{Rooms, StepEnd};
 use crate::PpoError;
 use crate::config::AlphaWeighs;
 use crate::gae::{self, StepFate};
-use crate::report::EpisodeCounts;
+use crate::report::{CrowdReport, EpisodeCounts};
 
 /// T steps of A agents.
 ///
 /// # Shapes
 ///
-/// All buffers are row-major `[T, A]` with row index t·A + a. `observations` and `tokens` hold rows beyond T·A: first the
+/// All buffers are row-major `[T, A]` with row index t·A + a, until [`Rollout::keep_learners`] leaves out the rows of a training
+/// crowd; the others keep their order. `observations` and `tokens` hold rows beyond T·A: first the
 /// A observations after the last step, then the last observations of truncated episodes, whose values are needed, too.
+/// `fates` and `places` are `[T, A]` always.
 #[derive(Debug)]
 pub struct Rollout {
     n_steps: usize,
@@ -32,6 +34,9 @@ pub struct Rollout {
     /// Intrinsic rewards, without α.
     pub(crate) intrinsic: Vec<f64>,
     fates: Vec<StepFate>,
+    /// Where the row of a step and an agent is among the learners' rows; `None` where nobody learns from it.
+    places: Vec<Option<u32>>,
+    n_learned: usize,
     /// Rows whose episode was truncated, with its last observation (kept where truncation is bootstrapped).
     truncated: Vec<(usize, Vec<f32>)>,
     /// V of the observations acted on.
@@ -43,6 +48,8 @@ pub struct Rollout {
     pub(crate) episodes: EpisodeCounts,
     pub(crate) return_sum: f64,
     pub(crate) length_sum: f64,
+    /// The rows and episodes that nobody learns from.
+    pub(crate) crowd: CrowdReport,
 }
 
 impl Rollout {
@@ -61,6 +68,8 @@ impl Rollout {
             rewards: Vec::with_capacity(n),
             intrinsic: vec![0.0; n],
             fates: Vec::with_capacity(n),
+            places: Vec::with_capacity(n),
+            n_learned: n,
             truncated: Vec::new(),
             values: vec![0.0; n],
             advantages: vec![0.0; n],
@@ -68,11 +77,17 @@ impl Rollout {
             episodes: EpisodeCounts::default(),
             return_sum: 0.0,
             length_sum: 0.0,
+            crowd: CrowdReport::default(),
         }
     }
 
-    /// Number of transitions, T·A.
+    /// Number of transitions that are learned from: T·A where there is no training crowd.
     pub fn len(&self) -> usize {
+        self.n_learned
+    }
+
+    /// Number of transitions that were collected, T·A.
+    pub(crate) fn n_collected(&self) -> usize {
         self.n_steps * self.n_agents
     }
 
@@ -81,12 +96,12 @@ impl Rollout {
         self.len() == 0
     }
 
-    /// Observations that were acted on, `[T·A, width]`.
+    /// Observations that were acted on, `[len, width]`.
     pub fn observations(&self) -> &[f32] {
         &self.observations[..self.len() * self.width]
     }
 
-    /// Behaviour tokens that were acted with, `[T·A]`.
+    /// Behaviour tokens that were acted with, `[len]`.
     pub fn tokens(&self) -> &[u32] {
         &self.tokens[..self.len()]
     }
@@ -110,9 +125,12 @@ impl Rollout {
         self.log_probs.clear();
         self.rewards.clear();
         self.fates.clear();
+        self.places.clear();
+        self.n_learned = 0;
         self.truncated.clear();
         self.episodes = EpisodeCounts::default();
         (self.return_sum, self.length_sum) = (0.0, 0.0);
+        self.crowd = CrowdReport::default();
     }
 
     /// Appends what all agents see, [A, width], and which behaviour they follow, [A].
@@ -152,6 +170,14 @@ impl Rollout {
                 StepEnd::Terminated(_) => StepFate::Terminated,
                 StepEnd::Truncated => StepFate::Truncated { bootstrap_value: 0.0 },
             });
+            if !transition.role.learns() {
+                self.places.push(None);
+                self.crowd.transitions += 1;
+                self.crowd.episodes.count(transition.end);
+                continue;
+            }
+            self.places.push(Some(self.n_learned as u32));
+            self.n_learned += 1;
             if transition.end == StepEnd::Running {
                 continue;
             }
@@ -167,17 +193,43 @@ impl Rollout {
     pub(crate) fn keep_truncated(&mut self, rooms: &Rooms) {
         let first = self.fates.len() - self.n_agents;
         for agent in 0..self.n_agents {
-            if matches!(self.fates[first + agent], StepFate::Truncated { .. }) {
+            let learns = self.places[first + agent].is_some();
+            if learns && matches!(self.fates[first + agent], StepFate::Truncated { .. }) {
                 self.truncated.push((first + agent, rooms.final_observation(agent).to_vec()));
             }
         }
+    }
+
+    /// Leaves out the rows that nobody learns from, so that all that follows (rewards, advantages, losses) is of the learners'
+    /// rows alone. To be called once all steps are there; without a training crowd nothing is moved.
+    pub(crate) fn keep_learners(&mut self) {
+        let n = self.n_collected();
+        if self.n_learned == n {
+            return;
+        }
+        let (width, rows) = (self.width, self.observations.len() / self.width);
+        // The rows behind the steps are values' alone, and stay.
+        let kept = (0..rows).filter(|row| *row >= n || self.places[*row].is_some());
+        let mut n_kept = 0;
+        for (to, from) in kept.enumerate() {
+            self.observations.copy_within(from * width..(from + 1) * width, to * width);
+            self.tokens[to] = self.tokens[from];
+            n_kept = to + 1;
+        }
+        self.observations.truncate(n_kept * width);
+        self.tokens.truncate(n_kept);
+        keep(&mut self.actions, &self.places);
+        keep(&mut self.executed, &self.places);
+        keep(&mut self.log_probs, &self.places);
+        keep(&mut self.rewards, &self.places);
     }
 
     /// Appends the kept last observations to the rows that will be valued.
     pub(crate) fn value_truncations(&mut self) {
         for (row, observation) in &self.truncated {
             self.observations.extend_from_slice(observation);
-            self.tokens.push(self.tokens[*row]);
+            let row = self.places[*row].expect("only learners' last observations are kept");
+            self.tokens.push(self.tokens[row as usize]);
         }
     }
 
@@ -188,7 +240,7 @@ impl Rollout {
     ///
     /// # Shapes
     ///
-    /// `values` is [T·A + A (+ truncations)], as [`Self::rows_to_value`] orders them.
+    /// `values` is [len + A (+ truncations)], as [`Self::rows_to_value`] orders them.
     pub(crate) fn estimate_advantages(
         &mut self,
         values: &[f32],
@@ -196,6 +248,9 @@ impl Rollout {
         discounts: (f64, f64),
     ) {
         let (n, n_agents) = (self.len(), self.n_agents);
+        for buffer in [&mut self.values, &mut self.advantages, &mut self.returns] {
+            buffer.resize(n, 0.0);
+        }
         let (acted, behind) = values.split_at(n);
         let (last, truncations) = behind.split_at(n_agents);
         self.values.iter_mut().zip(acted).for_each(|(to, &v)| *to = f64::from(v));
@@ -209,7 +264,7 @@ impl Rollout {
             discounts,
             &mut advantages,
             |agent| f64::from(last[agent]),
-            |row| (self.rewards[row] + of_reward * self.intrinsic[row], self.values[row], self.fates[row]),
+            |row, fate| (self.rewards[row] + of_reward * self.intrinsic[row], self.values[row], fate),
         );
         self.advantages = advantages;
         for ((to, advantage), value) in self.returns.iter_mut().zip(&self.advantages).zip(&self.values) {
@@ -227,8 +282,8 @@ impl Rollout {
             discounts,
             &mut intrinsic,
             |_| 0.0,
-            |row| {
-                let fate = match self.fates[row] {
+            |row, fate| {
+                let fate = match fate {
                     StepFate::Truncated { .. } => StepFate::Terminated,
                     fate => fate,
                 };
@@ -240,23 +295,28 @@ impl Rollout {
         self.advantages.iter_mut().zip(&intrinsic).for_each(|(sum, advantage)| *sum += alpha * advantage);
     }
 
-    /// Advantages of each agent's own sequence: `of` gives a row's reward, value and fate, `last_value` what stands behind an
-    /// agent's last step.
+    /// Advantages of each agent's own sequence: `of` gives reward, value and fate of a row with its fate, `last_value` what
+    /// stands behind an agent's last step. A step that nobody learns from ends a sequence: an episode is one's or the other's.
     fn of_sequences(
         &self,
         discounts: (f64, f64),
         advantages: &mut [f64],
         last_value: impl Fn(usize) -> f64,
-        of: impl Fn(usize) -> (f64, f64, StepFate),
+        of: impl Fn(usize, StepFate) -> (f64, f64, StepFate),
     ) {
         let mut sequence = Sequence::new(self.n_steps);
         for agent in 0..self.n_agents {
             for t in 0..self.n_steps {
-                (sequence.rewards[t], sequence.values[t], sequence.fates[t]) = of(t * self.n_agents + agent);
+                let at = t * self.n_agents + agent;
+                let step = self.places[at].map(|row| of(row as usize, self.fates[at]));
+                (sequence.rewards[t], sequence.values[t], sequence.fates[t]) =
+                    step.unwrap_or((0.0, 0.0, StepFate::Terminated));
             }
             sequence.advantages(last_value(agent), discounts);
             for (t, &advantage) in sequence.advantages.iter().enumerate() {
-                advantages[t * self.n_agents + agent] = advantage;
+                if let Some(row) = self.places[t * self.n_agents + agent] {
+                    advantages[row as usize] = advantage;
+                }
             }
         }
     }
@@ -265,6 +325,12 @@ impl Rollout {
     pub(crate) fn mean_per_episode(&self, sum: f64) -> Option<f64> {
         (self.episodes.ended > 0).then(|| sum / self.episodes.ended as f64)
     }
+}
+
+/// Leaves out the values of steps without a place.
+fn keep<T>(values: &mut Vec<T>, places: &[Option<u32>]) {
+    let mut places = places.iter();
+    values.retain(|_| places.next().is_some_and(Option::is_some));
 }
 
 /// One agent's steps side by side, as [`gae::advantages`] reads them.
@@ -297,6 +363,7 @@ mod tests {
         rollout.rewards = vec![1.0, 0.0, 2.0, 1.0, -1.0, 3.0];
         rollout.intrinsic = vec![0.5, 0.0, 0.25, 1.0, 0.0, 2.0];
         rollout.fates = vec![StepFate::Running; 6];
+        rollout.places = (0..6).map(Some).collect();
         rollout.fates[2] = StepFate::Truncated { bootstrap_value: 0.0 };
         rollout
     }
@@ -324,6 +391,59 @@ mod tests {
                 format!("update 7: observation of agent {} is not finite", at / 3)
             );
             assert_eq!((rollout.observations.len(), rollout.tokens.len()), (6, 2));
+        }
+    }
+
+    /// The rollout above with agent 1 a member of a crowd in its second step, between two episodes of a learner.
+    fn crowded(garbage: f64) -> Rollout {
+        let mut rollout = rollout();
+        rollout.observations = [0.0, 1.0, 2.0, garbage as f32, 4.0, 5.0, 6.0, 7.0].to_vec();
+        rollout.tokens = vec![0, 1, 2, 99, 4, 5, 6, 7];
+        rollout.actions = (0..6).map(|i| [i as f32; 2]).collect();
+        rollout.executed = rollout.actions.clone();
+        rollout.log_probs = (0..6).map(f64::from).collect();
+        (rollout.rewards[3], rollout.log_probs[3], rollout.actions[3]) = (garbage, garbage, [99.0; 2]);
+        rollout.fates[1] = StepFate::Terminated;
+        rollout.fates[3] = StepFate::Truncated { bootstrap_value: garbage };
+        rollout.places = vec![Some(0), Some(1), Some(2), None, Some(3), Some(4)];
+        rollout.n_learned = 5;
+        rollout
+    }
+
+    #[test]
+    fn rows_that_nobody_learns_from_are_left_out() {
+        let mut rollout = crowded(7.0);
+        rollout.keep_learners();
+        assert_eq!((rollout.len(), rollout.n_collected()), (5, 6));
+        assert_eq!(rollout.observations(), [0.0, 1.0, 2.0, 4.0, 5.0]);
+        assert_eq!(rollout.rows_to_value().len(), 7, "and what stands behind the last step");
+        assert_eq!(rollout.tokens, [0, 1, 2, 4, 5, 6, 7]);
+        assert_eq!(rollout.actions, [0.0, 1.0, 2.0, 4.0, 5.0].map(|x| [x; 2]));
+        assert_eq!(rollout.executed, rollout.actions);
+        assert_eq!(rollout.log_probs, [0.0, 1.0, 2.0, 4.0, 5.0]);
+        assert_eq!(rollout.rewards, [1.0, 0.0, 2.0, -1.0, 3.0]);
+    }
+
+    #[test]
+    fn what_nobody_learns_from_changes_no_advantage() {
+        for weighs in [AlphaWeighs::Reward, AlphaWeighs::Advantage] {
+            let [(advantages, returns), other] = [7.0, -1e6].map(|garbage| {
+                let mut rollout = crowded(garbage);
+                rollout.keep_learners();
+                rollout.intrinsic = vec![0.5, 0.0, 0.25, 0.0, 2.0];
+                rollout.estimate_advantages(&[0.5, 1.0, -0.5, 1.0, 0.25, 3.0, -1.0], (0.5, weighs), HALF);
+                (rollout.advantages, rollout.returns)
+            });
+            assert_eq!((&advantages, &returns), (&other.0, &other.1));
+            assert_eq!(advantages.len(), 5);
+            if weighs == AlphaWeighs::Reward {
+                // Agent 1: a step that ends its episode, then the last step of another, with −1 behind it.
+                let agent = [0.0 + 0.5 * 0.0 - 1.0, 3.0 + 0.5 * 2.0 + 0.5 * -1.0 - 0.25];
+                assert_eq!([advantages[1], advantages[4]], agent);
+                // Agent 0 as ever: 1 + 0.25 and 2 + 0.125 up to the cut, then −1 with 3 behind it.
+                let agent = [1.25 + 0.5 * 2.125 - 0.5, 2.125 + 0.5, -1.0 + 0.5 * 3.0 - 1.0];
+                assert_eq!([advantages[0], advantages[2], advantages[3]], agent);
+            }
         }
     }
 

@@ -77,6 +77,56 @@ fn a_resumed_run_ends_with_the_bytes_of_an_uninterrupted_one() {
     }
 }
 
+/// What switches a training crowd on in the tiny run.
+const CROWD: [&str; 5] = [
+    "n_agents=3",
+    "training_crowd.blind=0.5",
+    "training_crowd.speed_min=0.5",
+    "training_crowd.speed_max=1.5",
+    "bootstrap_truncation=true",
+];
+
+#[test]
+fn a_training_crowd_keeps_the_promises() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let half = folder.path().join("half.safetensors");
+    let mut whole = trainer(&CROWD);
+    let reports = run(&mut whole, 6);
+    let whole = saved(&mut whole, folder.path());
+    for threads in [1, 2, 8] {
+        let config = jostle_ppo::Config { threads, ..tiny(&CROWD) };
+        let mut first = Trainer::new(config.clone()).expect("valid");
+        assert_eq!(run(&mut first, 3), reports[..3]);
+        first.save(&half).expect("writable");
+        drop(first);
+        let mut second = Trainer::resume_with(&half, config).expect("a good checkpoint");
+        assert_eq!(run(&mut second, 3), reports[3..]);
+        assert_same(&saved(&mut second, folder.path()), &whole, &format!("{threads} threads"));
+    }
+}
+
+#[test]
+fn a_report_keeps_learners_and_crowd_apart() {
+    let mut crowded = trainer(&CROWD);
+    let (mut transitions, mut ended, mut learners_ended) = (0, 0, 0);
+    for update in 1..=20 {
+        let report = crowded.update().expect("finite numbers");
+        let crowd = report.crowd.expect("there is a crowd");
+        assert_eq!(report.transitions, update * 2 * 3 * 16, "all of them");
+        transitions += crowd.transitions;
+        ended += crowd.episodes.ended;
+        learners_ended += report.episodes.ended;
+        let line = serde_json::to_string(&report).expect("JSON");
+        assert!(line.contains("\"crowd\":{") && line.find("\"crowd\"") < line.find("\"clock\""));
+    }
+    // Two of three agents are blind half of the time, and an episode takes at most 12 steps.
+    let share = transitions as f64 / (20.0 * 96.0);
+    assert!((share - 1.0 / 3.0).abs() < 0.1, "{share}");
+    assert!(ended >= transitions / 12 - 4 && learners_ended >= (20 * 96 - transitions) / 12 - 6);
+    let report = trainer(&[]).update().expect("finite numbers");
+    assert!(report.crowd.is_none() && !serde_json::to_string(&report).expect("JSON").contains("crowd"));
+}
+
 #[test]
 fn both_back_ends_start_alike() {
     let first = |backend: &str| run(&mut trainer(&[backend]), 1).remove(0);

@@ -7,7 +7,7 @@
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-mod check;
+pub(crate) mod check;
 
 /// Frames in an observation.
 pub const FRAMES: usize = 3;

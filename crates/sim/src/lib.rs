@@ -10,6 +10,8 @@
 #![deny(unsafe_code)]
 
 mod config;
+#[cfg(test)]
+mod crowd_tests;
 mod episode;
 mod error;
 mod geometry;
@@ -25,6 +27,7 @@ mod scenario;
 mod solid;
 mod spawn;
 mod state;
+mod traits;
 mod trig;
 mod world;
 
@@ -45,5 +48,6 @@ pub use rooms::{Rooms, RoomsMut, Transition};
 pub use scenario::Scenario;
 pub use spawn::Spawner;
 pub use state::RoomsState;
+pub use traits::{Role, TrainingCrowd};
 pub use trig::wrap_angle;
 pub use world::World;

@@ -15,6 +15,7 @@ use crate::rng::{StreamRng, Streams};
 use crate::rooms::Transition;
 use crate::scenario::Scenario;
 use crate::spawn::Spawner;
+use crate::traits::{TrainingCrowd, Traits};
 use crate::world::World;
 use glam::Vec2;
 use rand::RngExt;
@@ -39,6 +40,8 @@ pub(crate) struct Agent {
     pub(crate) observer: Observer,
     pub(crate) spawn: StreamRng,
     pub(crate) token: StreamRng,
+    /// What the agent is in its next episodes.
+    pub(crate) crowd: StreamRng,
 }
 
 /// The slices of the batch's buffers that belong to one room.
@@ -51,12 +54,14 @@ pub(crate) struct RoomBuffers<'a> {
 
 pub(crate) struct Room {
     config: Arc<SimConfig>,
+    crowd: Arc<TrainingCrowd>,
     n_behaviours: u32,
     pub(crate) world: World,
     spawner: Spawner,
     laser: Laser,
     pub(crate) agents: Vec<Agent>,
     pub(crate) episodes: Vec<Episode>,
+    pub(crate) traits: Vec<Traits>,
     motions: Vec<Motion>,
     stalled: Vec<bool>,
     /// Robots that were taken out of the room.
@@ -67,7 +72,7 @@ pub(crate) struct Room {
 impl Room {
     /// A room whose robots are not placed yet: [`Room::begin`] or a restored state does that.
     pub(crate) fn new(
-        config: &Arc<SimConfig>,
+        (config, crowd): (&Arc<SimConfig>, &Arc<TrainingCrowd>),
         scenario: &Scenario,
         laser: &Laser,
         n_agents: usize,
@@ -82,18 +87,21 @@ impl Room {
             observer: Observer::new(config, streams.stream("noise", &[room, agent])),
             spawn: streams.stream("spawn", &[room, agent]),
             token: streams.stream("token", &[room, agent]),
+            crowd: streams.stream("training_crowd", &[room, agent]),
         };
         for _ in 0..n_agents {
             world.add_body(&body, Pose::default())?;
         }
         Ok(Self {
             config: Arc::clone(config),
+            crowd: Arc::clone(crowd),
             n_behaviours,
             world,
             spawner,
             laser: laser.sibling(),
             agents: (0..n_agents as u64).map(agent).collect(),
             episodes: vec![Episode::default(); n_agents],
+            traits: vec![Traits::default(); n_agents],
             motions: vec![Motion::Still; n_agents],
             stalled: vec![false; n_agents],
             absent: vec![false; n_agents],
@@ -152,13 +160,16 @@ impl Room {
         let limits = robot.acceleration.as_ref();
         for (agent, action) in actions.iter().enumerate() {
             let executed = clip_action(*action, robot);
-            let [v, w] = apply_limits(self.episodes[agent].velocity, executed, limits, dt);
+            let command = self.traits[agent].command(executed);
+            let [v, w] = apply_limits(self.episodes[agent].velocity, command, limits, dt);
             transitions[agent].executed = executed;
             self.episodes[agent].velocity = [v, w];
             self.motions[agent] = if self.absent[agent] { Motion::Still } else { Motion::Drive { v, w } };
         }
         self.world.advance(&self.motions, dt, &mut self.stalled);
-        for (episode, stalled) in self.episodes.iter_mut().zip(&self.stalled) {
+        for ((episode, traits), stalled) in self.episodes.iter_mut().zip(&mut self.traits).zip(&self.stalled)
+        {
+            traits.count_stall(*stalled);
             let [v, _] = episode.velocity;
             if *stalled {
                 episode.velocity = [0.0, 0.0];
@@ -172,7 +183,9 @@ impl Room {
     fn judge(&mut self, agent: usize, buffers: &mut RoomBuffers<'_>) {
         let width = self.config.observation_len();
         let row = &mut buffers.observations[agent * width..][..width];
-        let scan = self.laser.scan(&self.world, Sensor::Body(agent), |_| true, &mut self.ranges);
+        let traits = self.traits[agent];
+        let visible = |_| traits.role.sees_agents();
+        let scan = self.laser.scan(&self.world, Sensor::Body(agent), visible, &mut self.ranges);
         let pose = self.world.pose(agent);
         let episode = self.episodes[agent];
         let observer = &mut self.agents[agent].observer;
@@ -181,7 +194,9 @@ impl Room {
 
         let goal_distance = pose.position.distance(episode.goal);
         let limits = &self.config.episode;
-        let ended = outcome(goal_distance, limits.goal_radius, crash(scan, limits.crash_range));
+        let blocked = traits.stalled_steps >= self.crowd.stall_limit;
+        let crashed = crash(scan, limits.crash_range).or(blocked.then_some(Outcome::CollisionAgent));
+        let ended = outcome(goal_distance, limits.goal_radius, crashed);
         let w = buffers.transitions[agent].executed[1];
         let mut worth = reward(&self.config.reward, ended, episode.goal_distance - goal_distance, w);
         if let Some(zones) = &self.config.reward.safety_zone {
@@ -201,15 +216,19 @@ impl Room {
         };
         let transition = &mut buffers.transitions[agent];
         (transition.reward, transition.end, transition.episode) = (worth, end, None);
+        transition.role = traits.role;
         if !end.is_running() {
             transition.episode = Some(summary(episode, buffers.tokens[agent]));
             buffers.finals[agent * width..][..width].copy_from_slice(row);
         }
     }
 
-    /// Starts a new episode for one robot: start, goal and token. The first `n_placed` bodies but itself are in the way.
+    /// Starts a new episode for one robot: what it is, start, goal and token. The first `n_placed` bodies but itself are in the way.
     fn place(&mut self, agent: usize, n_placed: usize, tokens: &mut [u32]) -> Result<(), SimError> {
         let streams = &mut self.agents[agent];
+        if agent > 0 && !self.crowd.is_off() {
+            self.traits[agent] = self.crowd.draw(&mut streams.crowd);
+        }
         let in_the_way = |body: usize| body != agent && body < n_placed;
         let (start, goal) = self.spawner.start_and_goal(&self.world, in_the_way, &mut streams.spawn)?;
         let goal_distance = start.position.distance(goal);
@@ -223,7 +242,8 @@ impl Room {
     fn observe_first(&mut self, agent: usize, observations: &mut [f32]) {
         let width = self.config.observation_len();
         let row = &mut observations[agent * width..][..width];
-        self.laser.scan(&self.world, Sensor::Body(agent), |_| true, &mut self.ranges);
+        let role = self.traits[agent].role;
+        self.laser.scan(&self.world, Sensor::Body(agent), |_| role.sees_agents(), &mut self.ranges);
         let (episode, observer) = (&self.episodes[agent], &mut self.agents[agent].observer);
         observer.begin(&self.ranges, row);
         observer.write_motion(self.world.pose(agent), episode.goal, episode.velocity, row);

@@ -10,6 +10,7 @@ use crate::laser::Laser;
 use crate::rng::Streams;
 use crate::room::{Room, RoomBuffers};
 use crate::scenario::Scenario;
+use crate::traits::{Role, TrainingCrowd};
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
@@ -25,6 +26,8 @@ pub struct Transition {
     pub end: StepEnd,
     /// The episode, where it ended.
     pub episode: Option<EpisodeSummary>,
+    /// What the agent was in that step; a learner where there is no training crowd.
+    pub role: Role,
 }
 
 /// R rooms of N agents.
@@ -46,6 +49,7 @@ pub struct Transition {
 #[allow(clippy::struct_field_names, reason = "the rooms of `Rooms`")]
 pub struct Rooms {
     pub(crate) config: Arc<SimConfig>,
+    pub(crate) crowd: Arc<TrainingCrowd>,
     pub(crate) streams: Streams,
     pub(crate) n_agents: usize,
     pub(crate) n_behaviours: u32,
@@ -70,7 +74,24 @@ impl Rooms {
         n_behaviours: u32,
         streams: &Streams,
     ) -> Result<Self, SimError> {
-        let mut rooms = Self::unplaced(config, n_rooms, n_agents, n_behaviours, *streams)?;
+        Self::with_crowd(config, &TrainingCrowd::default(), n_rooms, n_agents, n_behaviours, streams)
+    }
+
+    /// As [`Rooms::new`], with a training crowd among the agents. What agent (r, a) is in an episode is drawn from the
+    /// stream "training_crowd" with the indices [r, a].
+    ///
+    /// # Errors
+    ///
+    /// As [`Rooms::new`], and when the crowd is refused.
+    pub fn with_crowd(
+        config: &SimConfig,
+        crowd: &TrainingCrowd,
+        n_rooms: usize,
+        n_agents: usize,
+        n_behaviours: u32,
+        streams: &Streams,
+    ) -> Result<Self, SimError> {
+        let mut rooms = Self::unplaced((config, crowd), n_rooms, n_agents, n_behaviours, *streams)?;
         rooms.rooms[0].check()?;
         let mut all = rooms.all_mut();
         all.try_for_each(|room, mut buffers| room.begin(&mut buffers))?;
@@ -78,13 +99,14 @@ impl Rooms {
     }
 
     fn unplaced(
-        config: &SimConfig,
+        (config, crowd): (&SimConfig, &TrainingCrowd),
         n_rooms: usize,
         n_agents: usize,
         n_behaviours: u32,
         streams: Streams,
     ) -> Result<Self, SimError> {
         config.validate()?;
+        crowd.validate()?;
         for (field, count) in
             [("n_rooms", n_rooms), ("n_agents", n_agents), ("n_behaviours", n_behaviours as usize)]
         {
@@ -93,9 +115,11 @@ impl Rooms {
             }
         }
         let (config, scenario) = (Arc::new(config.clone()), Scenario::new(&config.room)?);
+        let crowd = Arc::new(crowd.clone());
         let laser = Laser::new(&config.laser)?;
-        let room =
-            |r: usize| Room::new(&config, &scenario, &laser, n_agents, n_behaviours, streams, r as u64);
+        let room = |r: usize| {
+            Room::new((&config, &crowd), &scenario, &laser, n_agents, n_behaviours, streams, r as u64)
+        };
         let rooms = (0..n_rooms).map(room).collect::<Result<Vec<_>, _>>()?;
         let n = n_rooms * n_agents;
         Ok(Self {
@@ -105,6 +129,7 @@ impl Rooms {
             transitions: vec![Transition::default(); n],
             streams,
             config,
+            crowd,
             n_agents,
             n_behaviours,
             rooms,
@@ -134,6 +159,11 @@ impl Rooms {
     /// The configuration.
     pub fn config(&self) -> &SimConfig {
         &self.config
+    }
+
+    /// What an agent is in its present episode.
+    pub fn role(&self, agent_idx: usize) -> Role {
+        self.rooms[agent_idx / self.n_agents].traits[agent_idx % self.n_agents].role
     }
 
     /// What the policy acts on now; after an episode's end, the first observation of the new one.

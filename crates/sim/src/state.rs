@@ -8,6 +8,7 @@ use crate::geometry::Pose;
 use crate::rng::Streams;
 use crate::room::Episode;
 use crate::rooms::Rooms;
+use crate::traits::Traits;
 use glam::Vec2;
 use serde::{Deserialize, Serialize};
 
@@ -33,6 +34,17 @@ struct AgentState {
     noise_position: u64,
     spawn_position: u64,
     token_position: u64,
+    /// Only where there is a training crowd.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    crowd: Option<MemberState>,
+}
+
+/// What a training crowd adds to an agent.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct MemberState {
+    traits: Traits,
+    position: u64,
 }
 
 impl Rooms {
@@ -48,6 +60,10 @@ impl Rooms {
                 noise_position: streams.observer.noise_position(),
                 spawn_position: streams.spawn.get_word_pos() as u64,
                 token_position: streams.token.get_word_pos() as u64,
+                crowd: (!self.crowd.is_off()).then(|| MemberState {
+                    traits: room.traits[a],
+                    position: streams.crowd.get_word_pos() as u64,
+                }),
             }
         };
         RoomsState {
@@ -81,6 +97,11 @@ impl Rooms {
             agent.spawn.set_word_pos(u128::from(saved.spawn_position));
             agent.token = streams.stream("token", &indices);
             agent.token.set_word_pos(u128::from(saved.token_position));
+            if let Some(member) = saved.crowd {
+                room.traits[a] = member.traits;
+                agent.crowd = streams.stream("training_crowd", &indices);
+                agent.crowd.set_word_pos(u128::from(member.position));
+            }
             self.tokens[i] = saved.token;
         }
         self.observations = state.observations;
@@ -117,10 +138,17 @@ impl Rooms {
                 && e.reward_sum.is_finite()
                 && e.steps < u32::MAX
                 && a.token < self.n_behaviours
+                && a.crowd.is_none_or(|member| (0.0..=100.0).contains(&member.traits.speed))
         };
         if let Some(i) = state.agents.iter().position(|a| !sound(a)) {
             let found = "a place outside the room, a number that is not finite or a token out of range";
             return Err(SimError::field(format!("state.agents[{i}]"), found, "the state of an agent"));
+        }
+        let (present, expected) = if self.crowd.is_off() { (0, "no") } else { (state.agents.len(), "every") };
+        let n_traits = state.agents.iter().filter(|a| a.crowd.is_some()).count();
+        if n_traits != present {
+            let found = format!("traits of {n_traits} agents");
+            return Err(SimError::field("state.agents.crowd", found, format!("those of {expected} agent")));
         }
         if !state.observations.iter().all(|x| x.is_finite()) {
             return Err(SimError::field("state.observations", "a number that is not finite", "observations"));

@@ -1,6 +1,6 @@
 //! Contracts of the vectorised decision process: same bits at any thread count, exact snapshots, the rules of an episode.
 
-use jostle_sim::{Outcome, Rooms, RoomsState, SimConfig, StepEnd, Streams};
+use jostle_sim::{Outcome, Rooms, RoomsState, SimConfig, StepEnd, Streams, TrainingCrowd};
 use rand::RngExt;
 
 /// FNV-1a over the bits of everything a step produced.
@@ -54,6 +54,54 @@ fn restoring_a_state_through_json_goes_on_bit_for_bit() {
     let state: RoomsState = serde_json::from_str(&text).expect("JSON");
     resumed.restore(state).expect("restore");
     assert_eq!(run(&mut resumed, 150, 300), expected);
+}
+
+/// Rooms in which every role occurs.
+fn crowded_rooms(n_rooms: usize) -> Rooms {
+    let crowd = TrainingCrowd { blind: 0.5, speed_min: 0.5, speed_max: 1.5, ..TrainingCrowd::default() };
+    Rooms::with_crowd(&SimConfig::default(), &crowd, n_rooms, 5, 5, &Streams::new(7)).expect("rooms")
+}
+
+#[test]
+fn a_training_crowd_keeps_the_contracts() {
+    let hashes = [1, 2, 8].map(|threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("pool");
+        pool.install(|| run(&mut crowded_rooms(3), 0, 1_000))
+    });
+    assert_eq!(hashes[0], hashes[1]);
+    assert_eq!(hashes[0], hashes[2]);
+    let mut whole = crowded_rooms(2);
+    run(&mut whole, 0, 150);
+    let text = serde_json::to_string(&whole.state()).expect("JSON");
+    let expected = run(&mut whole, 150, 600);
+    let mut resumed = crowded_rooms(2);
+    resumed.restore(serde_json::from_str(&text).expect("JSON")).expect("restore");
+    assert_eq!(run(&mut resumed, 150, 600), expected);
+}
+
+#[test]
+fn a_crowd_that_is_off_changes_no_bit_and_no_snapshot() {
+    let crowd = TrainingCrowd { speed_max: 1.5, stall_limit: 1, ..TrainingCrowd::default() };
+    let mut off = Rooms::with_crowd(&SimConfig::default(), &crowd, 2, 5, 5, &Streams::new(7)).expect("rooms");
+    let mut without = rooms(&SimConfig::default(), 2, 5);
+    assert_eq!(run(&mut off, 0, 300), run(&mut without, 0, 300));
+    let text = serde_json::to_string(&off.state()).expect("JSON");
+    assert_eq!(text, serde_json::to_string(&without.state()).expect("JSON"));
+    assert!(!text.contains("crowd"));
+    assert!(off.transitions().iter().all(|t| t.role.learns()));
+}
+
+#[test]
+fn a_snapshot_without_traits_is_refused_where_there_is_a_crowd() {
+    let message = |mut rooms: Rooms, state| rooms.restore(state).expect_err("refused").to_string();
+    assert_eq!(
+        message(crowded_rooms(2), rooms(&SimConfig::default(), 2, 5).state()),
+        "state.agents.crowd: found traits of 0 agents, expected those of every agent"
+    );
+    assert_eq!(
+        message(rooms(&SimConfig::default(), 2, 5), crowded_rooms(2).state()),
+        "state.agents.crowd: found traits of 10 agents, expected those of no agent"
+    );
 }
 
 #[test]

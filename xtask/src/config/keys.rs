@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 
 /// The files that define the configuration's types.
-const SOURCES: [&str; 3] = [
+const SOURCES: [&str; 4] = [
     include_str!("../../../crates/ppo/src/config.rs"),
     include_str!("../../../crates/sim/src/config.rs"),
+    include_str!("../../../crates/sim/src/traits.rs"),
     include_str!("../../../crates/diversity/src/config.rs"),
 ];
 /// The type of the whole configuration.

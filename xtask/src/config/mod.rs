@@ -13,9 +13,10 @@ use std::process::ExitCode;
 use anyhow::{Result, bail};
 use clap::{Args, Subcommand};
 use jostle_ppo::Config;
+use jostle_sim::TrainingCrowd;
 
 use self::keys::{Key, keys};
-use crate::compare::settings;
+use crate::compare::flat;
 use crate::output;
 
 /// Arguments of `config`.
@@ -53,7 +54,7 @@ pub(crate) fn run(args: &ConfigArgs) -> Result<ExitCode> {
 /// The explanation of a key, or of all keys of a section.
 fn explain(wanted: &str) -> Result<String> {
     let keys = keys();
-    let defaults = settings(&Config::default())?;
+    let defaults = flat(&with_all_sections()?);
     let within =
         |key: &&Key| wanted.is_empty() || key.path == wanted || key.path.starts_with(&format!("{wanted}."));
     let chosen: Vec<&Key> = keys.iter().filter(within).collect();
@@ -72,6 +73,13 @@ fn explain(wanted: &str) -> Result<String> {
     Ok(chosen.iter().map(line).collect())
 }
 
+/// The default configuration with the sections, too, that files leave out at their defaults.
+fn with_all_sections() -> Result<toml::Table> {
+    let mut table = toml::Table::try_from(Config::default())?;
+    table.insert("training_crowd".to_owned(), toml::Value::try_from(TrainingCrowd::default())?);
+    Ok(table)
+}
+
 /// A suggestion: the key that shares the last part, or the longest start.
 fn nearest(wanted: &str, keys: &[Key]) -> String {
     let last = |key: &str| key.rsplit('.').next().unwrap_or(key).to_owned();
@@ -83,13 +91,13 @@ fn nearest(wanted: &str, keys: &[Key]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{explain, keys};
-    use crate::compare::settings;
+    use super::{explain, keys, with_all_sections};
+    use crate::compare::flat;
 
     #[test]
     fn every_key_of_the_default_configuration_is_explained() {
         let explained = keys();
-        for path in settings(&jostle_ppo::Config::default()).unwrap().keys() {
+        for path in flat(&with_all_sections().unwrap()).keys() {
             let key = explained.iter().find(|key| key.path == *path);
             assert!(key.is_some_and(|key| !key.text.is_empty()), "{path} has no explanation");
         }

@@ -1,11 +1,11 @@
 //! The configuration as a JSON Schema (draft 2020-12), from its comments, its checks and its defaults.
 
 use anyhow::{Context as _, Result};
-use jostle_ppo::Config;
 use serde_json::{Map, Value, json};
 
 use super::keys::{Key, keys};
 use super::range::{accepted, bounds, words};
+use super::with_all_sections;
 
 /// The paper's letters for three keys, which a file may use.
 const ALIASES: [(&str, &str); 3] = [("N", "n_agents"), ("M", "n_behaviours"), ("R", "n_rooms")];
@@ -16,7 +16,7 @@ const ALIASES: [(&str, &str); 3] = [("N", "n_agents"), ("M", "n_behaviours"), ("
 /// Defaults that are no JSON.
 pub(super) fn schema() -> Result<Value> {
     let keys = keys();
-    let defaults = serde_json::to_value(Config::default()).context("defaults that are no JSON")?;
+    let defaults = serde_json::to_value(with_all_sections()?).context("defaults that are no JSON")?;
     let mut root = section("A training run of jostle.");
     root["$schema"] = "https://json-schema.org/draft/2020-12/schema".into();
     root["title"] = "jostle training configuration".into();

@@ -49,7 +49,8 @@ impl Config {
         not_negative("ent_coef", self.ent_coef)?;
         not_negative("max_grad_norm", self.max_grad_norm)?;
         not_negative("alpha", self.alpha)?;
-        self.sim.validate().map_err(in_sim)?;
+        self.sim.validate().map_err(|error| in_section("sim", error))?;
+        self.training_crowd.validate().map_err(|error| in_section("training_crowd", error))?;
         let values = rollout.saturating_mul(self.sim.observation_len());
         if values > OBSERVATIONS_MAX {
             let expected = format!("at most {OBSERVATIONS_MAX} (transitions · length of an observation)");
@@ -88,9 +89,9 @@ fn share(field: &str, value: f64) -> Result<(), PpoError> {
     if (0.0..=1.0).contains(&value) { Ok(()) } else { Err(refuse(field, value, "a number from 0 to 1")) }
 }
 
-fn in_sim(error: SimError) -> PpoError {
+fn in_section(section: &str, error: SimError) -> PpoError {
     match error {
-        SimError::Field { field, found, expected } => refuse(format!("sim.{field}"), found, expected),
+        SimError::Field { field, found, expected } => refuse(format!("{section}.{field}"), found, expected),
         other => PpoError::Sim(other),
     }
 }

@@ -7,7 +7,7 @@ use crate::error::SimError;
 const BEAMS_MAX: usize = 8192;
 
 /// `value` must lie in [low, high]; NaN never does.
-fn within(field: &str, value: f32, low: f32, high: f32) -> Result<(), SimError> {
+pub(crate) fn within(field: &str, value: f32, low: f32, high: f32) -> Result<(), SimError> {
     if value >= low && value <= high {
         return Ok(());
     }

@@ -1,0 +1,121 @@
+//! Hand-made rooms with a training crowd: who sees whom, who crashes, who is stopped.
+
+use crate::config::{FRAMES, SimConfig};
+use crate::episode::{Outcome, StepEnd};
+use crate::geometry::Pose;
+use crate::rng::Streams;
+use crate::rooms::Rooms;
+use crate::traits::{Role, TrainingCrowd};
+use glam::Vec2;
+use std::f32::consts::PI;
+
+/// All but the first are blind.
+fn all_blind() -> TrainingCrowd {
+    TrainingCrowd { blind: 1.0, stall_limit: 3, ..TrainingCrowd::default() }
+}
+
+/// One room without noise, whose agents stand at the given places (x, y, heading) with goals out of the way.
+fn room(crowd: &TrainingCrowd, places: &[(f32, f32, f32)]) -> Rooms {
+    let mut config = SimConfig::default();
+    config.laser.noise_std = 0.0;
+    let mut rooms = Rooms::with_crowd(&config, crowd, 1, places.len(), 1, &Streams::new(5)).expect("rooms");
+    let room = &mut rooms.rooms[0];
+    for (agent, &(x, y, heading)) in places.iter().enumerate() {
+        let (position, goal) = (Vec2::new(x, y), Vec2::new(9.0, -9.0));
+        room.world.set_pose(agent, Pose::new(position, heading));
+        room.episodes[agent].goal = goal;
+        room.episodes[agent].goal_distance = goal.distance(position);
+    }
+    rooms
+}
+
+/// The newest scan of an agent, m.
+fn newest_scan(rooms: &Rooms, agent: usize) -> Vec<f32> {
+    let (beams, width) = (rooms.config().laser.beams, rooms.config().observation_len());
+    let row = &rooms.observations()[agent * width..][..FRAMES * beams];
+    row[(FRAMES - 1) * beams..].iter().map(|x| (x + 0.5) * 10.0).collect()
+}
+
+fn end(rooms: &Rooms, agent: usize) -> StepEnd {
+    rooms.transitions()[agent].end
+}
+
+#[test]
+fn a_blind_agents_scan_shows_nobody() {
+    let mut rooms = room(&all_blind(), &[(0.0, 0.0, 0.0), (2.0, 0.0, PI), (4.0, 1.0, 0.0)]);
+    assert_eq!([0, 1, 2].map(|agent| rooms.role(agent)), [Role::Learner, Role::Blind, Role::Blind]);
+    rooms.step(&[[0.0; 2]; 3]);
+    let seeing = newest_scan(&rooms, 0);
+    assert!((seeing[0] - 1.75).abs() < 1e-4, "the front of the body at 2 m: {}", seeing[0]);
+    // Alone in the same place it reads the same.
+    let mut alone = room(&all_blind(), &[(-8.0, -8.0, 0.0), (2.0, 0.0, PI)]);
+    alone.remove(0);
+    alone.step(&[[0.0; 2]; 2]);
+    assert_eq!(newest_scan(&rooms, 1), newest_scan(&alone, 1));
+    assert_eq!(newest_scan(&rooms, 1)[0], 10.0);
+}
+
+#[test]
+fn the_first_scan_of_a_blind_episode_shows_nobody() {
+    let mut rooms = room(&all_blind(), &[(0.0, 0.0, 0.0), (2.0, 0.0, PI)]);
+    rooms.rooms[0].episodes[1].steps = rooms.config().episode.step_limit - 1;
+    rooms.step(&[[0.0; 2]; 2]);
+    assert_eq!(end(&rooms, 1), StepEnd::Truncated);
+    let [scan, unseen] = [true, false].map(|visible| {
+        let room = &rooms.rooms[0];
+        let mut ranges = vec![0.0; rooms.config().laser.beams];
+        let mut laser = crate::laser::Laser::new(&rooms.config().laser).expect("laser");
+        laser.scan(&room.world, crate::laser::Sensor::Body(1), |_| visible, &mut ranges);
+        ranges
+    });
+    assert_ne!(scan, unseen, "the learner is within range of wherever the other is placed");
+    for (found, expected) in newest_scan(&rooms, 1).iter().zip(&unseen) {
+        assert!((found - expected).abs() < 1e-5);
+    }
+}
+
+#[test]
+fn a_learner_that_a_blind_agent_runs_into_crashes_and_the_blind_one_goes_on() {
+    let mut rooms = room(&all_blind(), &[(0.0, 0.0, 0.0), (1.0, 0.0, PI)]);
+    // The front of the blind body is at 0.75 m, and 0.1 m nearer after each step.
+    for step in 1..=3 {
+        rooms.step(&[[0.0; 2], [1.0, 0.0]]);
+        let expected = if step < 3 { StepEnd::Running } else { StepEnd::Terminated(Outcome::CollisionAgent) };
+        assert_eq!((end(&rooms, 0), end(&rooms, 1)), (expected, StepEnd::Running), "step {step}");
+    }
+    assert_eq!(rooms.transitions()[0].role, Role::Learner);
+    assert_eq!(rooms.transitions()[1].role, Role::Blind);
+    assert_eq!(rooms.role(0), Role::Learner, "the first agent of a room always learns");
+}
+
+#[test]
+fn blind_agents_that_block_one_another_are_taken_away_after_the_limit() {
+    let mut rooms = room(&all_blind(), &[(-8.0, 8.0, 0.0), (-0.275, 0.0, 0.0), (0.275, 0.0, PI)]);
+    let forward = [[0.0, 0.0], [1.0, 0.0], [1.0, 0.0]];
+    rooms.step(&forward);
+    rooms.step(&forward);
+    assert_eq!((end(&rooms, 1), end(&rooms, 2)), (StepEnd::Running, StepEnd::Running));
+    // A step in which it could go, here by standing, starts the count anew.
+    rooms.step(&[[0.0, 0.0], [0.0, 0.0], [1.0, 0.0]]);
+    let collision = StepEnd::Terminated(Outcome::CollisionAgent);
+    assert_eq!((end(&rooms, 1), end(&rooms, 2)), (StepEnd::Running, collision));
+}
+
+#[test]
+fn a_blind_agent_crashes_into_a_wall_by_its_own_scan() {
+    let mut rooms = room(&all_blind(), &[(-8.0, 8.0, 0.0), (9.55, 0.0, 0.0)]);
+    rooms.step(&[[0.0, 0.0], [0.0, 0.0]]);
+    assert_eq!(end(&rooms, 1), StepEnd::Terminated(Outcome::CollisionWall));
+}
+
+#[test]
+fn a_speed_factor_is_on_what_is_executed() {
+    let crowd = TrainingCrowd { speed_min: 1.5, speed_max: 1.5, ..all_blind() };
+    let mut rooms = room(&crowd, &[(-8.0, 8.0, 0.0), (0.0, 0.0, 0.0)]);
+    rooms.step(&[[1.0, 0.0], [3.0, 0.5]]);
+    let at = |rooms: &Rooms, agent| rooms.rooms[0].world.pose(agent);
+    assert!((at(&rooms, 1).position.x - 0.15).abs() < 1e-6 && (at(&rooms, 1).heading - 0.05).abs() < 1e-6);
+    assert!((at(&rooms, 0).position.x + 7.9).abs() < 1e-6);
+    let width = rooms.config().observation_len();
+    assert_eq!(rooms.observations()[2 * width - 2..], [1.5, 0.5], "it knows its velocity");
+}
