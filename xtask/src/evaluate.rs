@@ -19,11 +19,13 @@ use crate::{output, policies, threads};
 #[derive(Args)]
 #[command(after_help = "Examples:\n  cargo xtask evaluate runs/ours --crowds VO,SF --episodes 100\n  \
     cargo xtask evaluate runs/ours --crowds NH,IN,VA,SO --pool runs/pool --out results/ours\n  \
-    cargo xtask evaluate runs/ours/checkpoints/002500.safetensors --crowds SF --token 3")]
+    cargo xtask evaluate runs/ours/checkpoints/002500.safetensors --crowds SF --token 3\n  \
+    cargo xtask evaluate runs/ours --crowds straight,stop-and-go,cross-play --pool runs/seed2 runs/seed3")]
 pub(crate) struct EvaluateArgs {
     /// Checkpoint file, or a run folder for its newest checkpoint.
     checkpoint: PathBuf,
-    /// Crowds, separated by commas: NH, IN, VA, SO (these need --pool), VO, SF.
+    /// Crowds, separated by commas: NH, IN, VA, SO (these need --pool), VO, SF; to choose settings by, without spending the six:
+    /// straight, stop-and-go, cross-play (the last with --pool).
     #[arg(long, value_delimiter = ',', value_name = "CROWDS", default_value = "NH,IN,VA,SO,VO,SF")]
     crowds: Vec<String>,
     /// Episodes per crowd; episode k is the same for every policy.

@@ -76,4 +76,23 @@ mod tests {
         assert_eq!(key.hash(), hash);
         assert!(key.file_name().starts_with("NH-z0-"));
     }
+
+    /// Stored cells are found by these very bytes, which came before crowds of one's own and for validation.
+    #[test]
+    fn hashes_of_stored_cells_stay() {
+        let key = |crowd| CellKey {
+            protocol_version: 1,
+            policy: "p".into(),
+            token: 0,
+            crowd,
+            pool: vec!["a".into()],
+            n_agents: 5,
+            seed: 0,
+            settings: "s".into(),
+        };
+        let text = r#"{"protocol_version":1,"policy":"p","token":0,"crowd":"VO","pool":["a"],"n_agents":5,"seed":0,"settings":"s"}"#;
+        assert_eq!(key(CrowdKind::Vo).hash(), hex_sha256(text.as_bytes()));
+        let own = key(CrowdKind::own("shy").unwrap());
+        assert!(own.file_name().starts_with("shy-z0-"));
+    }
 }

@@ -1,6 +1,6 @@
 //! Settings of a test: the room, the crowds, and how episodes are run.
 
-use jostle_peds::{CrowdKind, CrowdsConfig};
+use jostle_peds::CrowdsConfig;
 use jostle_policy::Backend;
 use jostle_sim::SimConfig;
 use serde::{Deserialize, Serialize};
@@ -24,7 +24,7 @@ pub enum PedestrianCrash {
 pub struct EvalConfig {
     /// Room, robot, laser and episode; a checkpoint's own, so that a policy is tested in the world it was trained in.
     pub sim: SimConfig,
-    /// The six crowds and who sees whom.
+    /// The built-in crowds and who sees whom.
     pub crowds: CrowdsConfig,
     /// N: one robot and N − 1 pedestrians (paper: 5). With 1 the room is empty.
     pub n_agents: usize,
@@ -34,7 +34,7 @@ pub struct EvalConfig {
     pub backend: Backend,
     /// Crash of learned pedestrians. By their scan, as in training.
     pub learned_crash: PedestrianCrash,
-    /// Crash of the pedestrians of VO and SF. By contact: ORCA's discs may legally come nearer than the crash range.
+    /// Crash of the pedestrians of all other crowds. By contact: ORCA's discs may legally come nearer than the crash range.
     pub pure_crash: PedestrianCrash,
     /// A re-spawned pedestrian keeps at least this distance from every body's centre (m).
     pub respawn_clearance: f32,
@@ -64,9 +64,9 @@ impl EvalConfig {
         self.n_agents - 1
     }
 
-    /// When a pedestrian of a crowd counts as crashed.
-    pub fn crash_of(&self, crowd: CrowdKind) -> PedestrianCrash {
-        if crowd.is_learned() { self.learned_crash } else { self.pure_crash }
+    /// When a pedestrian of a crowd counts as crashed: `learned_crash` for those that sense by laser, else `pure_crash`.
+    pub fn crash_of(&self, senses_by_laser: bool) -> PedestrianCrash {
+        if senses_by_laser { self.learned_crash } else { self.pure_crash }
     }
 
     /// Checks every range.
@@ -114,6 +114,15 @@ mod tests {
         let contact = EvalConfig { learned_crash: PedestrianCrash::Contact, ..config.clone() };
         assert_ne!(seen.settings_hash(), config.settings_hash());
         assert_ne!(contact.settings_hash(), config.settings_hash());
+    }
+
+    /// The hash that the cells of `results/cells` were stored under.
+    #[test]
+    fn the_hash_of_the_default_settings_stays() {
+        assert_eq!(
+            EvalConfig::default().settings_hash(),
+            "7764dab4fc3e7892a7a527188225d466e1fd483316fb5cb1e155c87d6b07f94a"
+        );
     }
 
     #[test]

@@ -1,10 +1,11 @@
-//! The six crowds, made from settings, room and pool.
+//! The built-in crowds, made from settings, room and pool.
 
 use std::sync::Arc;
 
 use glam::Vec2;
 use jostle_peds::orca::{Obstacles, OrcaCrowd};
 use jostle_peds::social_force::{Border, SocialForceCrowd};
+use jostle_peds::validation::WalkersCrowd;
 use jostle_peds::{Crowd, CrowdKind, LearnedCrowd};
 use jostle_policy::PolicyFile;
 
@@ -16,26 +17,30 @@ use crate::report::PoolNote;
 /// The policies of learned pedestrians: the baseline ones, and the same at half their training (crowd SO).
 #[derive(Clone, Debug, Default)]
 pub struct Pools {
-    /// NH, IN and VA.
+    /// NH, IN, VA and cross-play.
     pub full: Vec<LoadedPolicy>,
     /// SO.
     pub half: Vec<LoadedPolicy>,
 }
 
 impl Pools {
-    /// The policies that drive `n_pedestrians` of a crowd, in their order; empty for VO and SF.
+    /// The policies that drive `n_pedestrians` of a crowd, in their order; empty for crowds without.
     ///
     /// Pedestrian i is driven by policy i modulo the pool's length; policies beyond the pedestrians are not used.
     pub fn of(&self, crowd: CrowdKind, n_pedestrians: usize) -> &[LoadedPolicy] {
         let pool = match crowd {
-            CrowdKind::Nh | CrowdKind::In | CrowdKind::Va => &self.full[..],
+            CrowdKind::Nh | CrowdKind::In | CrowdKind::Va | CrowdKind::CrossPlay => &self.full[..],
             CrowdKind::So => &self.half,
-            CrowdKind::Vo | CrowdKind::Sf => &[],
+            CrowdKind::Vo
+            | CrowdKind::Sf
+            | CrowdKind::Straight
+            | CrowdKind::StopAndGo
+            | CrowdKind::Own(_) => &[],
         };
         &pool[..pool.len().min(n_pedestrians)]
     }
 
-    /// What the report says of a crowd's pool; `None` for VO and SF.
+    /// What the report says of a crowd's pool; `None` for crowds without.
     pub fn note(&self, crowd: CrowdKind, n_pedestrians: usize) -> Option<PoolNote> {
         crowd.is_learned().then(|| PoolNote {
             policies: self.of(crowd, n_pedestrians).iter().map(|policy| policy.identity.clone()).collect(),
@@ -48,7 +53,8 @@ impl Pools {
 ///
 /// # Errors
 ///
-/// An empty pool, a policy whose observation is not the room's, settings out of range.
+/// An empty pool, a policy whose observation is not the room's, settings out of range; [`EvalError::OwnCrowd`] for a crowd of
+/// one's own, which only its owner can make.
 pub fn make_crowd(
     config: &EvalConfig,
     kind: CrowdKind,
@@ -56,7 +62,7 @@ pub fn make_crowd(
     polygons: &[Vec<Vec2>],
 ) -> Result<Box<dyn Crowd>, EvalError> {
     let (crowds, dt) = (&config.crowds, config.sim.episode.dt);
-    let visibility = crowds.visibility.of(kind);
+    let visibility = crowds.visibility.of(kind).ok_or(EvalError::OwnCrowd { crowd: kind })?;
     Ok(match kind {
         CrowdKind::Vo => {
             let obstacles = Arc::new(Obstacles::new(polygons)?);
@@ -66,7 +72,9 @@ pub fn make_crowd(
             let borders = Border::from_polygons(polygons)?.into();
             Box::new(SocialForceCrowd::new(&crowds.social_force, visibility, dt, borders)?)
         }
-        CrowdKind::Nh | CrowdKind::In | CrowdKind::Va | CrowdKind::So => {
+        CrowdKind::Straight | CrowdKind::StopAndGo => Box::new(WalkersCrowd::new(kind)?),
+        CrowdKind::Own(_) => return Err(EvalError::OwnCrowd { crowd: kind }),
+        CrowdKind::Nh | CrowdKind::In | CrowdKind::Va | CrowdKind::So | CrowdKind::CrossPlay => {
             // An empty room needs no policies, but the crowd must exist.
             let pool = pools.of(kind, config.n_pedestrians().max(1));
             if pool.is_empty() {

@@ -26,6 +26,15 @@ pub enum EvalError {
         /// The crowd.
         crowd: CrowdKind,
     },
+    /// A crowd of the user's own was asked for by its name only.
+    #[error(
+        "crowd {crowd} is no built-in one, and no settings can make it; expected the crowd itself (see `RoomPlan::among` and \
+         `Protocol::evaluate_among`)"
+    )]
+    OwnCrowd {
+        /// Its name.
+        crowd: CrowdKind,
+    },
     /// A line of a record file is not a record.
     #[error("{}: line {line}: {problem}", file.display())]
     Record {

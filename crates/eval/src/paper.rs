@@ -1,6 +1,6 @@
 //! The paper's Tables I–V as data, typed in from its LaTeX source (`paper.tex`, the label given with each table).
 //!
-//! Columns of crowds stand in the order of [`CrowdKind::ALL`](jostle_peds::CrowdKind::ALL): NH, IN, VA, SO, VO, SF.
+//! Columns of crowds stand in the order of [`CrowdKind::PAPER`](jostle_peds::CrowdKind::PAPER): NH, IN, VA, SO, VO, SF.
 //! Figures are as printed, also where they contradict each other; the known slips are said with each table.
 
 /// A row of Table I (`table:1`, "Impact of the number of behaviors M"), with N = 5.

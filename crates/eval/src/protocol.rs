@@ -10,7 +10,7 @@ use crate::cell::{CellKey, PROTOCOL_VERSION};
 use crate::config::EvalConfig;
 use crate::crowds::{Pools, make_crowd};
 use crate::error::EvalError;
-use crate::identity::{PolicyIdentity, short};
+use crate::identity::{PolicyIdentity, hex_sha256, short};
 use crate::lock_step::run_episodes;
 use crate::records::{EpisodeRecord, RecordWriter, TornTail};
 use crate::report::CellResult;
@@ -92,7 +92,15 @@ impl Protocol {
         make_crowd(&self.config, plan.crowd, &self.pools, &polygons(&plan.scenario))
     }
 
-    /// Tests a policy in a crowd over the first `episodes` episodes.
+    /// The key of a cell with a crowd of one's own: its visibility, its sensing and its version are part of the settings.
+    pub fn key_among(&self, subject: Subject<'_>, crowd: &dyn Crowd) -> CellKey {
+        let key = self.key(subject, crowd.kind());
+        let own = (&key.settings, crowd.visibility(), crowd.senses_by_laser(), crowd.version());
+        let text = serde_json::to_vec(&own).expect("texts and flags are always JSON");
+        CellKey { settings: hex_sha256(&text), ..key }
+    }
+
+    /// Tests a policy in a built-in crowd over the first `episodes` episodes.
     ///
     /// With a file, records that it holds are reused, and new ones are appended as soon as they are known, so that an
     /// interrupted test goes on where it stopped. `progress` hears the number of episodes done, and is for display alone.
@@ -107,25 +115,63 @@ impl Protocol {
         crowd: CrowdKind,
         episodes: u64,
         file: Option<&Path>,
+        progress: impl FnMut(u64),
+    ) -> Result<CellRun, EvalError> {
+        let plan = RoomPlan::new(&self.config, crowd)?;
+        let (mut crowd, key) = (self.crowd(&plan)?, self.key(subject, crowd));
+        self.run(
+            Cell { plan: &plan, crowd: &mut *crowd, key: &key, subject, file },
+            robot,
+            episodes,
+            progress,
+        )
+    }
+
+    /// As [`Self::evaluate`], in a crowd of one's own.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::evaluate`]; a crowd with a built-in one's name, whose records would be taken for its own.
+    pub fn evaluate_among(
+        &self,
+        robot: &mut dyn RobotPolicy,
+        subject: Subject<'_>,
+        crowd: &mut dyn Crowd,
+        episodes: u64,
+        file: Option<&Path>,
+        progress: impl FnMut(u64),
+    ) -> Result<CellRun, EvalError> {
+        if !crowd.kind().is_own() {
+            let expected = "a name of its own (see `CrowdKind::own`)".to_owned();
+            return Err(EvalError::Setting { field: "crowd", found: crowd.kind().to_string(), expected });
+        }
+        let plan = RoomPlan::among(&self.config, crowd)?;
+        let key = self.key_among(subject, crowd);
+        self.run(Cell { plan: &plan, crowd, key: &key, subject, file }, robot, episodes, progress)
+    }
+
+    fn run(
+        &self,
+        cell: Cell<'_>,
+        robot: &mut dyn RobotPolicy,
+        episodes: u64,
         mut progress: impl FnMut(u64),
     ) -> Result<CellRun, EvalError> {
         if episodes == 0 {
             let expected = "at least 1".to_owned();
             return Err(EvalError::Setting { field: "episodes", found: "0".to_owned(), expected });
         }
-        let plan = RoomPlan::new(&self.config, crowd)?;
-        let mut pedestrians = self.crowd(&plan)?;
-        let key = self.key(subject, crowd);
-        let hash = key.hash();
-        let opened = file.map(|path| RecordWriter::resume(path, &key)).transpose()?;
+        let Cell { plan, crowd, key, subject, file } = cell;
+        let (kind, hash) = (plan.crowd, key.hash());
+        let opened = file.map(|path| RecordWriter::resume(path, key)).transpose()?;
         let (mut writer, held) = opened.map_or((None, None), |(writer, held)| (Some(writer), Some(held)));
         let repaired = held.as_ref().and_then(|held| held.torn);
         let mut records = held.map_or_else(Vec::new, |held| held.records);
         records.truncate(usize::try_from(episodes).unwrap_or(usize::MAX));
         let reused = records.len() as u64;
         progress(reused);
-        run_episodes(&plan, robot, &mut *pedestrians, reused..episodes, |finished| {
-            let record = record(&finished, subject, crowd, &hash);
+        run_episodes(plan, robot, crowd, reused..episodes, |finished| {
+            let record = record(&finished, subject, kind, &hash);
             if let Some(writer) = &mut writer {
                 writer.append(&record)?;
             }
@@ -134,10 +180,19 @@ impl Protocol {
             Ok(())
         })?;
         writer.map_or(Ok(()), RecordWriter::finish)?;
-        let pool = self.pools.note(crowd, self.config.n_pedestrians());
-        let result = CellResult::new(crowd, hash, metric_scale(&self.config).v_max, &records, pool);
+        let pool = self.pools.note(kind, self.config.n_pedestrians());
+        let result = CellResult::new(kind, hash, metric_scale(&self.config).v_max, &records, pool);
         Ok(CellRun { result, records, reused, repaired })
     }
+}
+
+/// A cell that is about to be run.
+struct Cell<'a> {
+    plan: &'a RoomPlan,
+    crowd: &'a mut dyn Crowd,
+    key: &'a CellKey,
+    subject: Subject<'a>,
+    file: Option<&'a Path>,
 }
 
 fn record(finished: &FinishedEpisode, subject: Subject<'_>, crowd: CrowdKind, hash: &str) -> EpisodeRecord {

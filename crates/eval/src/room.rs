@@ -10,7 +10,8 @@
 mod live;
 
 use glam::Vec2;
-use jostle_peds::{CrowdKind, Motion as Walk, Pedestrian, RoomView, Visibility};
+use jostle_peds::validation::Gait;
+use jostle_peds::{Crowd, CrowdKind, Motion as Walk, Pedestrian, RoomView, Visibility};
 use jostle_sim::{
     Hit, Laser, Motion, Observer, Outcome, Pose, ScanSummary, Scenario, Sensor, Shape, Spawner, StreamRng,
     Streams, World, apply_limits, clip_action, crash, outcome,
@@ -33,6 +34,8 @@ pub struct RoomPlan {
     pub crowd: CrowdKind,
     /// What its pedestrians see.
     pub visibility: Visibility,
+    /// Whether they sense by laser.
+    pub senses_by_laser: bool,
     /// Walls and obstacles.
     pub scenario: Scenario,
     /// Where starts and goals may be.
@@ -42,12 +45,34 @@ pub struct RoomPlan {
 }
 
 impl RoomPlan {
-    /// The plan of a cell.
+    /// The plan of a cell with a built-in crowd.
     ///
     /// # Errors
     ///
-    /// Settings out of range; a map that cannot be read.
+    /// Settings out of range; a map that cannot be read; a crowd of one's own, whose name does not say what it sees.
     pub fn new(config: &EvalConfig, crowd: CrowdKind) -> Result<Self, EvalError> {
+        let visibility = config.crowds.visibility.of(crowd).ok_or(EvalError::OwnCrowd { crowd })?;
+        Self::with(config, crowd, visibility, crowd.is_learned())
+    }
+
+    /// The plan of a cell with the given crowd, which may be of one's own: it then says itself what its pedestrians see and whether they
+    /// sense by laser.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::new`].
+    pub fn among(config: &EvalConfig, crowd: &dyn Crowd) -> Result<Self, EvalError> {
+        let kind = crowd.kind();
+        let visibility = config.crowds.visibility.of(kind).unwrap_or_else(|| crowd.visibility());
+        Self::with(config, kind, visibility, crowd.senses_by_laser())
+    }
+
+    fn with(
+        config: &EvalConfig,
+        crowd: CrowdKind,
+        visibility: Visibility,
+        senses_by_laser: bool,
+    ) -> Result<Self, EvalError> {
         config.validate()?;
         let scenario = Scenario::new(&config.sim.room)?;
         let world = scenario.build()?;
@@ -56,7 +81,8 @@ impl RoomPlan {
         Ok(Self {
             config: config.clone(),
             crowd,
-            visibility: config.crowds.visibility.of(crowd),
+            visibility,
+            senses_by_laser,
             scenario,
             spawner,
             scale: metric_scale(config),
@@ -65,11 +91,11 @@ impl RoomPlan {
 
     /// How many pedestrians sense by laser.
     fn n_sensing(&self) -> usize {
-        if self.crowd.is_learned() { self.config.n_pedestrians() } else { 0 }
+        if self.senses_by_laser { self.config.n_pedestrians() } else { 0 }
     }
 
     fn crash(&self) -> PedestrianCrash {
-        self.config.crash_of(self.crowd)
+        self.config.crash_of(self.senses_by_laser)
     }
 }
 
@@ -113,7 +139,12 @@ pub struct EvalRoom {
     observers: Vec<Observer>,
     /// One row per observer.
     observations: Vec<f32>,
+    /// Drawn for the episode.
     speed_factor: Vec<f32>,
+    /// Where pedestrians walk and stand in turns: each one's gait, with the stream of its draws.
+    gaits: Vec<(Gait, StreamRng)>,
+    /// The speed factors of the next step: 0 for those that stand.
+    pace: Vec<f32>,
     streams: Vec<StreamRng>,
     ranges: Vec<f32>,
     summaries: Vec<ScanSummary>,
@@ -170,6 +201,8 @@ impl EvalRoom {
             observers: (0..n_observers).map(|body| Observer::new(sim, indexed("eval.noise", body))).collect(),
             observations: vec![0.0; n_observers * sim.observation_len()],
             speed_factor: (1..config.n_agents).map(draw).collect(),
+            gaits: Vec::new(),
+            pace: Vec::new(),
             streams: (1..config.n_agents).map(|body| indexed("eval.pedestrian", body)).collect(),
             ranges: vec![0.0; config.n_agents * sim.laser.beams],
             summaries: vec![ScanSummary { min_range: 0.0, nearest: Hit::None }; config.n_agents],
@@ -180,6 +213,10 @@ impl EvalRoom {
             path_length: 0.0,
             world,
         };
+        for body in 1..config.n_agents {
+            room.begin_gait(plan, indexed("eval.gait", body));
+        }
+        room.set_pace();
         for body in 0..n_observers {
             room.observe_first(plan, body);
         }
@@ -211,7 +248,7 @@ impl EvalRoom {
         &self.pedestrians
     }
 
-    /// The pedestrians' speed factors.
+    /// The pedestrians' speed factors, as drawn for the episode.
     pub fn speed_factors(&self) -> &[f32] {
         &self.speed_factor
     }
@@ -229,8 +266,32 @@ impl EvalRoom {
             pedestrians: &self.pedestrians,
             others,
             observations: &self.observations[self.robot_observation().len()..],
-            speed_factor: &self.speed_factor,
+            speed_factor: &self.pace,
         }
+    }
+
+    /// Gives the next pedestrian a gait, where the crowd has one.
+    fn begin_gait(&mut self, plan: &RoomPlan, mut rng: StreamRng) {
+        if plan.crowd == CrowdKind::StopAndGo {
+            let gait = Gait::draw(&plan.config.crowds.walkers, plan.config.sim.episode.dt, &mut rng);
+            self.gaits.push((gait, rng));
+        }
+    }
+
+    /// The factors of the next step from the episode's and the gaits.
+    fn set_pace(&mut self) {
+        self.pace.clone_from(&self.speed_factor);
+        for (factor, (gait, _)) in self.pace.iter_mut().zip(&self.gaits) {
+            *factor = if gait.walks() { *factor } else { 0.0 };
+        }
+    }
+
+    /// One control period of all gaits, whatever happened to their pedestrians.
+    fn advance_gaits(&mut self, plan: &RoomPlan) {
+        for (gait, rng) in &mut self.gaits {
+            gait.advance(&plan.config.crowds.walkers, plan.config.sim.episode.dt, rng);
+        }
+        self.set_pace();
     }
 
     /// One control period: everyone moves and scans, the robot's end is looked for, everyone observes, and pedestrians
@@ -255,6 +316,7 @@ impl EvalRoom {
         for (i, crashed) in crashed.into_iter().enumerate() {
             self.renew_pedestrian(plan, i, crashed)?;
         }
+        self.advance_gaits(plan);
         for body in 0..self.observers.len() {
             self.observe(plan, body);
         }
@@ -312,7 +374,7 @@ impl EvalRoom {
 
     /// Noise-free scans of the robot and of those pedestrians whose scan is needed.
     fn scan_all(&mut self, plan: &RoomPlan) {
-        let needs_all = plan.crowd.is_learned() || plan.crash() == PedestrianCrash::Scan;
+        let needs_all = plan.senses_by_laser || plan.crash() == PedestrianCrash::Scan;
         let n_scans = if needs_all { self.motions.len() } else { 1 };
         for body in 0..n_scans {
             self.scan(plan, body);

@@ -5,7 +5,8 @@ use rand_distr::{Distribution, Uniform};
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    CrowdKind, PedsError, VisibilityMatrix, error::require, orca::OrcaConfig, social_force::SocialForceConfig,
+    CrowdKind, PedsError, VisibilityMatrix, error::require, orca::OrcaConfig,
+    social_force::SocialForceConfig, validation::WalkersConfig,
 };
 
 /// Limits of the commands of learned pedestrians.
@@ -36,13 +37,13 @@ impl LearnedConfig {
     }
 }
 
-/// Parameters of the six crowds.
+/// Parameters of the built-in crowds.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CrowdsConfig {
     /// Range of VA's speed factors, drawn uniformly per pedestrian and episode. Default 0.5 to 1.5 (paper, Sect. V).
     pub speed_factor: [f32; 2],
-    /// Crowds NH, IN, VA and SO.
+    /// Crowds NH, IN, VA, SO and cross-play.
     pub learned: LearnedConfig,
     /// Crowd VO.
     pub orca: OrcaConfig,
@@ -50,6 +51,10 @@ pub struct CrowdsConfig {
     pub social_force: SocialForceConfig,
     /// Who sees whom.
     pub visibility: VisibilityMatrix,
+    /// Validation crowds `straight` and `stop-and-go`. Left out of the written form at its default, so that the hashes of settings
+    /// from before it are what they were.
+    #[serde(skip_serializing_if = "WalkersConfig::is_default")]
+    pub walkers: WalkersConfig,
 }
 
 impl Default for CrowdsConfig {
@@ -60,6 +65,7 @@ impl Default for CrowdsConfig {
             orca: OrcaConfig::default(),
             social_force: SocialForceConfig::default(),
             visibility: VisibilityMatrix::default(),
+            walkers: WalkersConfig::default(),
         }
     }
 }
@@ -75,17 +81,24 @@ impl CrowdsConfig {
         require((low..=100.0).contains(&high), "speed_factor[1]", high.into(), "speed_factor[0] to 100")?;
         self.learned.validate()?;
         self.orca.validate()?;
-        self.social_force.validate()
+        self.social_force.validate()?;
+        self.walkers.validate()
     }
 
     /// A pedestrian's speed factor for an episode. VA draws it from [`Self::speed_factor`], SF from its desired speed
-    /// if that is a distribution; elsewhere it is 1 and nothing is drawn. The config must be valid.
+    /// if that is a distribution, the walkers from their speeds; elsewhere it is 1 and nothing is drawn. The config must be valid.
     pub fn draw_speed_factor(&self, kind: CrowdKind, rng: &mut impl Rng) -> f32 {
         let [low, high] = self.speed_factor;
         match kind {
             CrowdKind::Va => Uniform::new_inclusive(low, high).expect("a validated range").sample(rng),
             CrowdKind::Sf => self.social_force.desired_speed.draw_factor(rng),
-            CrowdKind::Nh | CrowdKind::In | CrowdKind::So | CrowdKind::Vo => 1.0,
+            CrowdKind::Straight | CrowdKind::StopAndGo => self.walkers.draw_speed(rng),
+            CrowdKind::Nh
+            | CrowdKind::In
+            | CrowdKind::So
+            | CrowdKind::Vo
+            | CrowdKind::CrossPlay
+            | CrowdKind::Own(_) => 1.0,
         }
     }
 }
@@ -100,7 +113,7 @@ mod tests {
     fn only_va_draws_by_default() {
         let config = CrowdsConfig::default();
         assert_eq!(config.validate(), Ok(()));
-        for kind in CrowdKind::ALL {
+        for kind in CrowdKind::PAPER {
             let mut rng = ChaCha8Rng::seed_from_u64(3);
             let factors: Vec<f32> = (0..200).map(|_| config.draw_speed_factor(kind, &mut rng)).collect();
             if kind == CrowdKind::Va {
@@ -132,9 +145,25 @@ mod tests {
             CrowdsConfig { orca, ..config.clone() },
             CrowdsConfig { social_force, ..config.clone() },
             CrowdsConfig { speed_factor: [-0.5, 1.0], ..config.clone() },
+            CrowdsConfig { walkers: WalkersConfig { speed: [2.0, 1.0], ..config.walkers }, ..config.clone() },
         ] {
             assert!(bad.validate().is_err(), "{bad:?}");
         }
+    }
+
+    #[test]
+    fn walkers_draw_their_speeds_and_are_left_out_at_their_defaults() {
+        let mut config = CrowdsConfig::default();
+        assert!(!serde_json::to_string(&config).unwrap().contains("walkers"));
+        for kind in [CrowdKind::Straight, CrowdKind::StopAndGo] {
+            let mut rng = ChaCha8Rng::seed_from_u64(3);
+            let speeds: Vec<f32> = (0..200).map(|_| config.draw_speed_factor(kind, &mut rng)).collect();
+            assert!(speeds.iter().all(|speed| (0.5..=1.5).contains(speed)));
+            assert!(speeds.iter().any(|f| *f < 0.6) && speeds.iter().any(|f| *f > 1.4));
+        }
+        config.walkers.stand_time = [0.5, 2.0];
+        let text = serde_json::to_string(&config).unwrap();
+        assert_eq!(serde_json::from_str::<CrowdsConfig>(&text).unwrap(), config);
     }
 
     #[test]

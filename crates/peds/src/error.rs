@@ -54,8 +54,15 @@ pub enum PedsError {
         expected: usize,
     },
     /// A name that is no crowd.
-    #[error("unknown crowd `{0}`; expected one of NH, IN, VA, SO, VO, SF")]
+    #[error("unknown crowd `{0}`; expected one of NH, IN, VA, SO, VO, SF, straight, stop-and-go, cross-play")]
     UnknownCrowd(String),
+    /// A text that cannot be the name of a crowd of one's own.
+    #[error(
+        "crowd name {0:?}; expected 1 to {max} lower-case letters, digits and hyphens, beginning with a letter, that are no \
+         built-in crowd's name",
+        max = crate::NAME_MAX
+    )]
+    CrowdName(String),
     /// A crowd of one family was asked to be of another.
     #[error("crowd {found} cannot be driven this way; expected one of {expected}")]
     WrongKind {

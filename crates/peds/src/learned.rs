@@ -1,6 +1,6 @@
-//! Crowds NH, IN, VA and SO: pedestrians that sense by laser and are driven by trained policies (feature `learned`).
+//! Crowds NH, IN, VA, SO and cross-play: pedestrians that sense by laser and are driven by trained policies (feature `learned`).
 //!
-//! What makes the four differ lies outside: which policies are in the pool (SO: half-trained ones), whether the robot is in the
+//! What makes them differ lies outside: which policies are in the pool (SO: half-trained ones; cross-play: any), whether the robot is in the
 //! scans (`visibility`), and the speed factors (VA).
 
 use jostle_policy::{Backend, Batch, Network, NetworkConfig, PolicyFile, actor};
@@ -52,7 +52,7 @@ impl LearnedCrowd {
     ) -> Result<Self, PedsError> {
         limits.validate()?;
         if !kind.is_learned() {
-            return Err(PedsError::WrongKind { found: kind, expected: "NH, IN, VA, SO" });
+            return Err(PedsError::WrongKind { found: kind, expected: "NH, IN, VA, SO, cross-play" });
         }
         if pool.is_empty() {
             return Err(PedsError::Pool("it is empty; expected at least one policy".into()));

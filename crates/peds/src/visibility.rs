@@ -19,6 +19,8 @@ impl Visibility {
     pub const ALL: Self = Self { pedestrians: true, robot: true };
     /// Pedestrians alone.
     pub const PEDESTRIANS: Self = Self { pedestrians: true, robot: false };
+    /// Nobody.
+    pub const NONE: Self = Self { pedestrians: false, robot: false };
 }
 
 /// One row per crowd. By default pedestrians see each other, and NH and SO see the robot, too.
@@ -53,15 +55,31 @@ impl Default for VisibilityMatrix {
 }
 
 impl VisibilityMatrix {
-    /// The row of a crowd.
-    pub fn of(&self, kind: CrowdKind) -> Visibility {
+    /// The row of a crowd: cross-play has that of NH, the straight and the stop-and-go walkers see nobody whatever the matrix says. `None`
+    /// for a crowd of one's own, which says for itself ([`crate::Crowd::visibility`]).
+    pub fn of(&self, kind: CrowdKind) -> Option<Visibility> {
         match kind {
-            CrowdKind::Nh => self.nh,
-            CrowdKind::In => self.r#in,
-            CrowdKind::Va => self.va,
-            CrowdKind::So => self.so,
-            CrowdKind::Vo => self.vo,
-            CrowdKind::Sf => self.sf,
+            CrowdKind::Straight | CrowdKind::StopAndGo => Some(Visibility::NONE),
+            CrowdKind::Nh | CrowdKind::CrossPlay => Some(self.nh),
+            CrowdKind::In => Some(self.r#in),
+            CrowdKind::Va => Some(self.va),
+            CrowdKind::So => Some(self.so),
+            CrowdKind::Vo => Some(self.vo),
+            CrowdKind::Sf => Some(self.sf),
+            CrowdKind::Own(_) => None,
+        }
+    }
+
+    /// The row of a crowd, to be changed; `None` for those whose visibility the matrix does not say.
+    pub fn row_mut(&mut self, kind: CrowdKind) -> Option<&mut Visibility> {
+        match kind {
+            CrowdKind::Nh | CrowdKind::CrossPlay => Some(&mut self.nh),
+            CrowdKind::In => Some(&mut self.r#in),
+            CrowdKind::Va => Some(&mut self.va),
+            CrowdKind::So => Some(&mut self.so),
+            CrowdKind::Vo => Some(&mut self.vo),
+            CrowdKind::Sf => Some(&mut self.sf),
+            CrowdKind::Straight | CrowdKind::StopAndGo | CrowdKind::Own(_) => None,
         }
     }
 }
@@ -73,9 +91,26 @@ mod tests {
     #[test]
     fn only_nh_and_so_see_the_robot_by_default() {
         let matrix = VisibilityMatrix::default();
-        for kind in CrowdKind::ALL {
+        for kind in CrowdKind::PAPER {
             let expected = matches!(kind, CrowdKind::Nh | CrowdKind::So);
-            assert_eq!(matrix.of(kind), Visibility { pedestrians: true, robot: expected });
+            assert_eq!(matrix.of(kind), Some(Visibility { pedestrians: true, robot: expected }));
+        }
+        let validation = CrowdKind::VALIDATION.map(|kind| matrix.of(kind).unwrap());
+        assert_eq!(validation, [Visibility::NONE, Visibility::NONE, Visibility::ALL]);
+        assert_eq!(matrix.of(CrowdKind::own("mine").unwrap()), None);
+    }
+
+    #[test]
+    fn rows_are_changed_where_there_are_rows() {
+        for kind in CrowdKind::built_in() {
+            let mut matrix = VisibilityMatrix::default();
+            let row = Visibility { pedestrians: false, robot: true };
+            if let Some(found) = matrix.row_mut(kind) {
+                *found = row;
+                assert_eq!(matrix.of(kind), Some(row));
+            } else {
+                assert!(matches!(kind, CrowdKind::Straight | CrowdKind::StopAndGo), "{kind}");
+            }
         }
     }
 
@@ -83,8 +118,8 @@ mod tests {
     fn a_row_can_be_changed_by_name() {
         let text = r#"{"VO":{"pedestrians":false,"robot":true}}"#;
         let matrix: VisibilityMatrix = serde_json::from_str(text).unwrap();
-        assert_eq!(matrix.of(CrowdKind::Vo), Visibility { pedestrians: false, robot: true });
-        assert_eq!(matrix.of(CrowdKind::Nh), Visibility::ALL);
+        assert_eq!(matrix.of(CrowdKind::Vo), Some(Visibility { pedestrians: false, robot: true }));
+        assert_eq!(matrix.of(CrowdKind::Nh), Some(Visibility::ALL));
         assert!(serde_json::from_str::<VisibilityMatrix>(r#"{"XX":{}}"#).is_err());
     }
 }

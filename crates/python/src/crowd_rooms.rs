@@ -135,7 +135,7 @@ impl CrowdRooms {
 
     /// Whether a step hands work to other threads.
     pub fn needs_threads(&self) -> bool {
-        self.rooms.len() > 1 || self.plan.crowd.is_learned()
+        self.rooms.len() > 1 || self.plan.senses_by_laser
     }
 
     /// Rooms.

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use jostle_eval::{EvalConfig, EvalError, LoadedPolicy, Pools};
-use jostle_peds::{CrowdKind, Visibility, VisibilityMatrix};
+use jostle_peds::CrowdKind;
 use jostle_ppo::{Config, PpoError};
 
 /// Everything that a room among a crowd is made from.
@@ -42,8 +42,12 @@ impl Settings {
             config.n_agents = n_pedestrians.saturating_add(1);
         }
         if let Some(robot) = robot_visible {
-            let row = row_mut(&mut config.crowds.visibility, crowd);
-            *row = Visibility { robot, ..*row };
+            let refused = || EvalError::Setting {
+                field: "robot_visible",
+                found: format!("{robot} for crowd {crowd}"),
+                expected: "nothing: its pedestrians see nobody".to_owned(),
+            };
+            config.crowds.visibility.row_mut(crowd).ok_or_else(refused)?.robot = robot;
         }
         config.validate()?;
         Ok(Self { config, crowd, pools: Pools { full: loaded.clone(), half: loaded } })
@@ -62,19 +66,10 @@ pub fn base(file: Option<&Path>, overrides: &[String]) -> Result<Config, PpoErro
     }
 }
 
-fn row_mut(matrix: &mut VisibilityMatrix, crowd: CrowdKind) -> &mut Visibility {
-    match crowd {
-        CrowdKind::Nh => &mut matrix.nh,
-        CrowdKind::In => &mut matrix.r#in,
-        CrowdKind::Va => &mut matrix.va,
-        CrowdKind::So => &mut matrix.so,
-        CrowdKind::Vo => &mut matrix.vo,
-        CrowdKind::Sf => &mut matrix.sf,
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use jostle_peds::Visibility;
+
     use super::*;
 
     fn sf(n_pedestrians: Option<usize>, robot_visible: Option<bool>) -> Settings {
@@ -87,13 +82,13 @@ mod tests {
         assert_eq!(sf(None, None).config.n_pedestrians(), 3);
         assert_eq!(sf(Some(7), None).config.n_pedestrians(), 7);
         assert_eq!(sf(None, None).config.crowds, EvalConfig::default().crowds);
-        for crowd in CrowdKind::ALL {
+        for crowd in CrowdKind::PAPER {
             let base = base(None, &[]).unwrap();
             for robot in [false, true] {
                 let settings = Settings::new(&base, crowd, None, Some(robot), &[]).unwrap();
                 assert_eq!(
                     settings.config.crowds.visibility.of(crowd),
-                    Visibility { pedestrians: true, robot }
+                    Some(Visibility { pedestrians: true, robot })
                 );
             }
         }
@@ -106,5 +101,8 @@ mod tests {
         let base = base(None, &[]).unwrap();
         let error = Settings::new(&base, CrowdKind::Sf, Some(usize::MAX), None, &[]).unwrap_err().to_string();
         assert!(error.starts_with("n_agents: found") && error.lines().count() == 1, "{error}");
+        let error = Settings::new(&base, CrowdKind::Straight, None, Some(true), &[]).unwrap_err().to_string();
+        let expected = "found true for crowd straight, expected nothing: its pedestrians see nobody";
+        assert_eq!(error, format!("robot_visible: {expected}"));
     }
 }

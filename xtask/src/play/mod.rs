@@ -40,7 +40,7 @@ pub(crate) struct PlayArgs {
     /// Checkpoint files or run folders to choose from (default: the shipped ones). The hand-written `goal-seeker` is
     /// always among them.
     policy: Vec<PathBuf>,
-    /// Crowd at the start: SF, VO; with --pool also NH, IN, VA, SO.
+    /// Crowd at the start: SF, VO, straight, stop-and-go; with --pool also NH, IN, VA, SO, cross-play.
     #[arg(long, default_value = "SF")]
     crowd: CrowdKind,
     /// Pedestrians at the start.
@@ -89,7 +89,7 @@ pub(crate) fn run(args: &PlayArgs) -> Result<ExitCode> {
 /// # Errors
 /// No free port.
 pub(crate) fn serve_in_background() -> Result<SocketAddr> {
-    let crowds = CrowdKind::ALL.into_iter().filter(|crowd| !crowd.is_learned()).collect();
+    let crowds = CrowdKind::built_in().filter(|crowd| !crowd.is_learned()).collect();
     let stock = Stock { drivers: vec![Driver::goal_seeker()], pools: Pools::default(), crowds };
     let first = Setup { crowd: CrowdKind::Sf, pedestrians: 4, policy: 0, token: 0, seed: 0 };
     let (listener, address) = listen(0)?;
@@ -106,13 +106,13 @@ fn stock(args: &PlayArgs) -> Result<Stock> {
     }
     let pools = if args.pool.is_empty() { Pools::default() } else { learned(args)? };
     let has = |crowd: &CrowdKind| !crowd.is_learned() || !pools.of(*crowd, 1).is_empty();
-    let crowds = CrowdKind::ALL.into_iter().filter(has).collect();
+    let crowds = CrowdKind::built_in().filter(has).collect();
     Ok(Stock { drivers, pools, crowds })
 }
 
 /// The pools, with the half-trained policies where they can be had.
 fn learned(args: &PlayArgs) -> Result<Pools> {
     let with_half = !args.pool_half.is_empty() || args.crowd == CrowdKind::So;
-    let crowds: &[CrowdKind] = if with_half { &CrowdKind::ALL } else { &[CrowdKind::Nh] };
+    let crowds: &[CrowdKind] = if with_half { &CrowdKind::PAPER } else { &[CrowdKind::Nh] };
     policies::pools(&args.pool, &args.pool_half, crowds)
 }

@@ -76,6 +76,7 @@ impl<'a> Session<'a> {
             .drivers
             .get(setup.policy)
             .with_context(|| format!("policy: found {}, expected less than {n_policies}", setup.policy))?;
+        ensure!(!setup.crowd.is_own(), "unknown crowd {}", setup.crowd);
         ensure!(
             stock.crowds.contains(&setup.crowd),
             "crowd {}: its pedestrians are driven by policies; start with --pool",
@@ -290,6 +291,8 @@ mod tests {
         let stock = stock();
         let refused = |setup: Setup| Session::new(&stock, setup).err().unwrap().to_string();
         assert!(refused(Setup { crowd: CrowdKind::Nh, ..setup(0) }).contains("--pool"));
+        let unknown = CrowdKind::own("wanderers").unwrap();
+        assert_eq!(refused(Setup { crowd: unknown, ..setup(0) }), "unknown crowd wanderers");
         assert!(refused(Setup { policy: 1, ..setup(0) }).contains("expected less than 1"));
         assert!(refused(Setup { pedestrians: 41, ..setup(0) }).contains("at most 40"));
     }

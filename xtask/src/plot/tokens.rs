@@ -31,7 +31,7 @@ fn heat_map<'a>(name: &str, evaluations: impl Iterator<Item = &'a Evaluation>) -
     let mut rows = BTreeMap::new();
     let mut episodes: Vec<u64> = Vec::new();
     for evaluation in evaluations {
-        let cells = CrowdKind::ALL.map(|crowd| {
+        let cells = CrowdKind::PAPER.map(|crowd| {
             let cell = evaluation.cells.iter().find(|cell| cell.crowd == crowd)?;
             episodes.push(cell.summary.episodes);
             Some(Rate { value: cell.summary.success_rate?, interval: cell.summary.wilson_95 })
@@ -48,7 +48,7 @@ fn heat_map<'a>(name: &str, evaluations: impl Iterator<Item = &'a Evaluation>) -
     Ok(HeatMap {
         title: format!("{name}: success rate of each behaviour token in each crowd"),
         rows: rows.keys().map(|token| format!("z = {token}")).collect(),
-        columns: CrowdKind::ALL.map(|crowd| crowd.name().to_owned()).to_vec(),
+        columns: CrowdKind::PAPER.map(|crowd| crowd.name().to_owned()).to_vec(),
         cells: rows.into_values().collect(),
         note: format!("{count} episodes a cell; below each rate its 95 % Wilson interval"),
     })

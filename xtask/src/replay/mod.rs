@@ -43,7 +43,7 @@ pub(crate) struct ReplayArgs {
     /// Another policy on the same episodes, side by side.
     #[arg(long, value_name = "POLICY")]
     against: Option<PathBuf>,
-    /// Crowds, separated by commas: SF, VO; with --pool also NH, IN, VA, SO.
+    /// Crowds, separated by commas: SF, VO, straight, stop-and-go; with --pool also NH, IN, VA, SO, cross-play.
     #[arg(long, value_delimiter = ',', value_name = "CROWDS", default_value = "SF")]
     crowd: Vec<String>,
     /// Episodes per crowd.
@@ -223,7 +223,9 @@ fn pools(args: &ReplayArgs, crowds: &[CrowdKind]) -> Result<Pools> {
     if args.pool.is_empty()
         && let Some(crowd) = crowds.iter().find(|crowd| crowd.is_learned())
     {
-        bail!("crowd {crowd} needs --pool: policies that drive its pedestrians; SF and VO need none");
+        bail!(
+            "crowd {crowd} needs --pool: policies that drive its pedestrians; SF, VO, straight and stop-and-go need none"
+        );
     }
     policies::pools(&args.pool, &args.pool_half, crowds)
 }

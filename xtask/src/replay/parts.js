@@ -8,6 +8,7 @@ const Parts = (() => {
   const CROWDS = {
     NH: "learned pedestrians", IN: "learned, blind to the robot", VA: "learned, at various speeds, blind to the robot",
     SO: "learned, half trained", VO: "velocity obstacles (ORCA)", SF: "social force",
+    straight: "straight to their goals, blind", "stop-and-go": "straight, with stops, blind", "cross-play": "learned, of other seeds",
   };
   const LAYERS = { laser: ["Laser", "l"], trails: ["Trails", "t"], goals: ["Goals", "g"], speed: ["Arrows", "a"] };
 

@@ -59,7 +59,7 @@ impl Bench {
     /// A row among the six crowds.
     pub(crate) fn row(&mut self, name: &'static str) -> Result<&Evaluated> {
         let mut row = self.take(name)?;
-        let crowds = CrowdKind::ALL;
+        let crowds = CrowdKind::PAPER;
         for (found, run) in row.found.iter().zip(&mut row.row.seeds) {
             for crowd in crowds {
                 if !run.sites.contains_key(crowd.name()) {

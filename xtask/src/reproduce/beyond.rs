@@ -19,7 +19,7 @@ pub(super) fn tokens(bench: &mut Bench) -> Result<PooledTable> {
     let mut rows = Vec::new();
     for token in 0..n_behaviours as u32 {
         let mut cells = Vec::new();
-        for crowd in CrowdKind::ALL {
+        for crowd in CrowdKind::PAPER {
             let mut seeds = Vec::new();
             for policy in &found {
                 let episodes = bench.crowd(policy, token, crowd)?;
@@ -36,7 +36,7 @@ pub(super) fn tokens(bench: &mut Bench) -> Result<PooledTable> {
         id: "tokens".to_owned(),
         title: "Beyond the paper: success of every behaviour token z (M = 5)".to_owned(),
         label_heads: vec!["z".to_owned()],
-        columns: CrowdKind::ALL.iter().map(|crowd| crowd.name().to_owned()).chain(["Avg".to_owned()]).collect(),
+        columns: CrowdKind::PAPER.iter().map(|crowd| crowd.name().to_owned()).chain(["Avg".to_owned()]).collect(),
         rows,
         notes: vec![
             "The paper tests z = 0 alone; nothing in training makes tokens of different seeds alike, so that pooling a token \
@@ -57,7 +57,7 @@ pub(super) fn outcomes(bench: &mut Bench) -> Result<PooledTable> {
             continue;
         }
         for outcome in EpisodeOutcome::ALL {
-            let cells = CrowdKind::ALL.map(|crowd| {
+            let cells = CrowdKind::PAPER.map(|crowd| {
                 let seeds = evaluated.row.seeds.iter().map(|run| {
                     let episodes = &run.sites[crowd.name()];
                     let count = episodes.iter().filter(|episode| episode.outcome == outcome).count();
@@ -78,7 +78,7 @@ pub(super) fn outcomes(bench: &mut Bench) -> Result<PooledTable> {
         id: "outcomes".to_owned(),
         title: "Beyond the paper: how episodes end".to_owned(),
         label_heads: ["row", "end"].map(str::to_owned).to_vec(),
-        columns: CrowdKind::ALL.map(|crowd| crowd.name().to_owned()).to_vec(),
+        columns: CrowdKind::PAPER.map(|crowd| crowd.name().to_owned()).to_vec(),
         rows,
         notes: vec![format!("Shares of {} episodes a cell and seed.", bench.episodes())],
     })

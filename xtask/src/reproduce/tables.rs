@@ -106,7 +106,7 @@ pub(super) fn table_4(bench: &mut Bench) -> Result<PooledTable> {
                 Metric::ExtraDistance => ("extra distance (m)", Measure::ExtraDistance, 3),
                 Metric::AverageSpeed => ("average speed (m/s)", Measure::AverageSpeed, 3),
             };
-            let sites = CrowdKind::ALL.map(CrowdKind::name);
+            let sites = CrowdKind::PAPER.each_ref().map(CrowdKind::name);
             if metric == Metric::SuccessRate {
                 checks.push(distance_check(evaluated, policy));
             }
@@ -134,7 +134,7 @@ pub(super) fn table_4(bench: &mut Bench) -> Result<PooledTable> {
         id: "table4".to_owned(),
         title: "Table 4. Baseline, safety zone and ours".to_owned(),
         label_heads: ["metric", "policy"].map(str::to_owned).to_vec(),
-        columns: CrowdKind::ALL.map(|crowd| crowd.name().to_owned()).to_vec(),
+        columns: CrowdKind::PAPER.map(|crowd| crowd.name().to_owned()).to_vec(),
         rows,
         notes,
     })
@@ -166,7 +166,7 @@ pub(super) fn table_5(bench: &mut Bench) -> Result<PooledTable> {
 }
 
 fn success_table(bench: &Bench, id: &str, title: &str, heads: &[&str], rows: Vec<PooledRow>) -> PooledTable {
-    let crowds = CrowdKind::ALL.iter().map(|crowd| crowd.name().to_owned());
+    let crowds = CrowdKind::PAPER.iter().map(|crowd| crowd.name().to_owned());
     PooledTable {
         id: id.to_owned(),
         title: title.to_owned(),
@@ -185,7 +185,7 @@ fn success_row(
     average: f64,
     table: &str,
 ) -> PooledRow {
-    let mut cells = cells(evaluated, &CrowdKind::ALL.map(CrowdKind::name), Measure::Success);
+    let mut cells = cells(evaluated, &CrowdKind::PAPER.each_ref().map(CrowdKind::name), Measure::Success);
     let mean = PooledCell::average(&cells.iter().map(Option::as_ref).collect::<Vec<_>>());
     cells.push(mean);
     PooledRow {

@@ -133,6 +133,12 @@ impl Evaluation {
         ];
         for cell in &self.cells {
             let label = cell.crowd.to_string();
+            if cell.crowd.is_for_validation() {
+                notes.push(format!("{label}: a validation crowd, to choose settings by; not of the paper"));
+            }
+            if cell.crowd.is_own() {
+                notes.push(format!("{label}: a crowd of the user's own; not of the paper"));
+            }
             if let Some(pool) = &cell.pool {
                 let policies: Vec<String> = pool.policies.iter().map(provenance).collect();
                 notes.push(format!("{label}: pedestrians driven by {}", policies.join("; ")));

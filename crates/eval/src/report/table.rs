@@ -23,7 +23,7 @@ pub struct SuccessRow {
     pub n_agents: usize,
     /// Results in any order, at most one per crowd.
     pub cells: Vec<CellResult>,
-    /// The paper's rates in the order of [`CrowdKind::ALL`], and their printed average.
+    /// The paper's rates in the order of [`CrowdKind::PAPER`], and their printed average.
     pub paper: Option<([f64; 6], f64)>,
     /// Diversity metric D, ours and the paper's, where the table has it.
     pub diversity: Option<(Option<f64>, f64)>,
@@ -40,7 +40,7 @@ impl SuccessRow {
     /// Mean of the six rates; `None` unless all six are there.
     pub fn average(&self) -> Option<f64> {
         let rates: Option<Vec<f64>> =
-            CrowdKind::ALL.iter().map(|crowd| self.cell(*crowd)?.summary.success_rate).collect();
+            CrowdKind::PAPER.iter().map(|crowd| self.cell(*crowd)?.summary.success_rate).collect();
         rates.map(|rates| rates.iter().sum::<f64>() / 6.0)
     }
 }
@@ -160,7 +160,7 @@ impl SuccessTable {
         ];
         let mut text = csv_line(self.label_heads.iter().map(String::as_str).chain(heads));
         for row in &self.rows {
-            for (idx, crowd) in CrowdKind::ALL.into_iter().enumerate() {
+            for (idx, crowd) in CrowdKind::PAPER.into_iter().enumerate() {
                 let fields = csv_fields(row, idx, crowd);
                 text += &csv_line(row.labels.iter().chain(&fields));
             }
@@ -172,7 +172,7 @@ impl SuccessTable {
         let has_diversity = self.rows.iter().any(|row| row.diversity.is_some());
         let mut heads = self.label_heads.clone();
         heads.push(String::new());
-        heads.extend(CrowdKind::ALL.iter().map(ToString::to_string));
+        heads.extend(CrowdKind::PAPER.iter().map(ToString::to_string));
         heads.push("Avg".to_owned());
         heads.extend(has_diversity.then(|| "D".to_owned()));
         let mut grid = Grid::new(heads);
@@ -193,7 +193,7 @@ impl SuccessTable {
             line
         };
         let each = |render: &dyn Fn(&CellResult) -> String| -> Vec<String> {
-            CrowdKind::ALL
+            CrowdKind::PAPER
                 .iter()
                 .map(|crowd| row.cell(*crowd).map_or_else(|| "–".to_owned(), render))
                 .collect()

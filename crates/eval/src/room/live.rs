@@ -50,14 +50,17 @@ impl EvalRoom {
         self.world.add_body(&shape, pose)?;
         self.speed_factor.push(config.crowds.draw_speed_factor(plan.crowd, &mut rng));
         self.streams.push(indexed("eval.pedestrian"));
+        let (gait, noise) = (indexed("eval.gait"), indexed("eval.noise"));
+        self.begin_gait(plan, gait);
+        self.set_pace();
         self.pedestrians.push(Pedestrian { position, velocity: Vec2::ZERO, heading: pose.heading, goal });
         self.ranges.resize(self.ranges.len() + config.sim.laser.beams, 0.0);
         self.summaries.push(ScanSummary { min_range: 0.0, nearest: Hit::None });
         self.motions.push(Motion::Still);
         self.stalled.push(false);
         self.respawned.push(false);
-        if plan.crowd.is_learned() {
-            self.observers.push(Observer::new(&config.sim, indexed("eval.noise")));
+        if plan.senses_by_laser {
+            self.observers.push(Observer::new(&config.sim, noise));
             self.observations.resize(self.observations.len() + config.sim.observation_len(), 0.0);
             self.observe_first(plan, body);
         }

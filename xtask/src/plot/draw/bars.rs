@@ -21,7 +21,7 @@ pub(crate) fn bars(table: &SuccessTable) -> Result<String> {
         title(&strip, &table.title)?;
         let (head, body) = rest.split_vertically(legend_height(&entries, WIDTH));
         legend(&head, &entries)?;
-        let n_crowds = CrowdKind::ALL.len();
+        let n_crowds = CrowdKind::PAPER.len();
         let mut chart = ChartBuilder::on(&body)
             .margin(8)
             .margin_right(18)
@@ -41,7 +41,7 @@ pub(crate) fn bars(table: &SuccessTable) -> Result<String> {
             .label_style((FONT, 13).into_font().color(&GREY))
             .draw()?;
         let slot = 0.86 / rows.len().max(1) as f64;
-        for (crowd_idx, crowd) in CrowdKind::ALL.into_iter().enumerate() {
+        for (crowd_idx, crowd) in CrowdKind::PAPER.into_iter().enumerate() {
             for (k, row) in rows.iter().enumerate() {
                 let left = crowd_idx as f64 + 0.07 + slot * k as f64;
                 let middle = left + 0.45 * slot;
@@ -69,7 +69,7 @@ pub(crate) fn bars(table: &SuccessTable) -> Result<String> {
         }
         let (left, foot) = chart.backend_coord(&(0.0, 0.0));
         let (right, _) = chart.backend_coord(&(n_crowds as f64, 0.0));
-        for (index, crowd) in CrowdKind::ALL.into_iter().enumerate() {
+        for (index, crowd) in CrowdKind::PAPER.into_iter().enumerate() {
             let x = left + (f64::from(right - left) * (index as f64 + 0.5) / n_crowds as f64) as i32;
             area.draw_text(crowd.name(), &centred(15, &DARK, VPos::Top), (x, foot + 6))?;
         }

@@ -64,7 +64,7 @@ fn fill(
     let config = EvalConfig { sim: policy.sim_config()?, n_agents: row.n_agents, ..EvalConfig::default() };
     let protocol = Protocol::new(config, pools.clone())?;
     let mut all = Vec::new();
-    for crowd in CrowdKind::ALL {
+    for crowd in CrowdKind::PAPER {
         let cell = Cell { protocol: &protocol, policy: &policy, token: TOKEN, crowd };
         let (run, timing) = cell.run(plan::EPISODES, records)?;
         timings.extend(timing);

@@ -1,0 +1,91 @@
+//! A crowd of one's own: its name, visibility and version reach keys, records and rooms; nobody takes it for a built-in one.
+
+mod common;
+
+use common::{brief, seek};
+use jostle_eval::records::read_records;
+use jostle_eval::room::RoomPlan;
+use jostle_eval::{CellRun, EvalError, PerRow, PolicyIdentity, Pools, Protocol, Subject};
+use jostle_peds::{Crowd, CrowdKind, Motion, PedsError, RoomView, Visibility};
+
+/// Walks away from the robot where it sees it, else stands.
+struct Shy {
+    kind: CrowdKind,
+    sees_robot: bool,
+    version: &'static str,
+    seen: u64,
+}
+
+impl Shy {
+    fn new(sees_robot: bool) -> Self {
+        Self { kind: CrowdKind::own("shy").unwrap(), sees_robot, version: "1", seen: 0 }
+    }
+}
+
+impl Crowd for Shy {
+    fn kind(&self) -> CrowdKind {
+        self.kind
+    }
+
+    fn senses_by_laser(&self) -> bool {
+        false
+    }
+
+    fn visibility(&self) -> Visibility {
+        Visibility { pedestrians: false, robot: self.sees_robot }
+    }
+
+    fn version(&self) -> &str {
+        self.version
+    }
+
+    fn decide(&mut self, rooms: &[RoomView<'_>], motions: &mut [Motion]) -> Result<(), PedsError> {
+        self.seen += rooms.iter().map(|room| room.others.len() as u64).sum::<u64>();
+        motions.fill(Motion::STILL);
+        Ok(())
+    }
+}
+
+fn run(crowd: &mut Shy, file: Option<&std::path::Path>) -> Result<CellRun, EvalError> {
+    let identity = PolicyIdentity::custom("seek", "1");
+    let protocol = Protocol::new(brief(60), Pools::default()).unwrap();
+    let subject = Subject { identity: &identity, token: 0 };
+    protocol.evaluate_among(&mut PerRow::new(seek), subject, crowd, 6, file, |_| ())
+}
+
+#[test]
+fn its_visibility_reaches_the_room() {
+    let (mut seeing, mut blind) = (Shy::new(true), Shy::new(false));
+    let plan = RoomPlan::among(&brief(60), &seeing).unwrap();
+    assert_eq!(plan.visibility, Visibility { pedestrians: false, robot: true });
+    assert_eq!((plan.crowd.name(), plan.senses_by_laser), ("shy", false));
+    run(&mut seeing, None).unwrap();
+    run(&mut blind, None).unwrap();
+    assert!(seeing.seen > 60 && blind.seen == 0, "{} and {}", seeing.seen, blind.seen);
+}
+
+#[test]
+fn its_name_is_in_records_and_its_version_in_the_key() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("cell.ndjson");
+    let first = run(&mut Shy::new(true), Some(&file)).unwrap();
+    assert_eq!(first.result.crowd, CrowdKind::own("shy").unwrap());
+    let text = std::fs::read_to_string(&file).unwrap();
+    assert!(text.lines().all(|line| line.contains(r#""crowd":"shy""#)), "{text}");
+    assert_eq!(read_records(&file).unwrap().records, first.records);
+    assert_eq!(run(&mut Shy::new(true), Some(&file)).unwrap().reused, 6);
+    for mut other in [Shy { version: "2", ..Shy::new(true) }, Shy::new(false)] {
+        let error = run(&mut other, Some(&file)).unwrap_err();
+        assert!(matches!(error, EvalError::OtherCell { .. }), "{error}");
+    }
+}
+
+#[test]
+fn a_name_alone_makes_no_crowd_and_a_built_in_name_is_refused() {
+    let own = CrowdKind::own("shy").unwrap();
+    let error = RoomPlan::new(&brief(60), own).unwrap_err().to_string();
+    assert!(error.starts_with("crowd shy is no built-in one"), "{error}");
+    let mut posing = Shy { kind: CrowdKind::Sf, ..Shy::new(true) };
+    let error = run(&mut posing, None).unwrap_err().to_string();
+    assert_eq!(error, "crowd: found SF, expected a name of its own (see `CrowdKind::own`)");
+}
