@@ -28,10 +28,13 @@ from ._vector import VectorRooms
 if TYPE_CHECKING:
     from ._parallel import RobotsEnv
 
-__all__ = ["CROWDS", "Evaluation", "Policy", "RoomEnv", "VectorRooms", "__version__", "evaluate", "parallel_env", "split"]
+__all__ = ["CROWDS", "VALIDATION_CROWDS", "Evaluation", "Policy", "RoomEnv", "VectorRooms", "__version__", "evaluate", "parallel_env", "split"]
 
 #: The crowds: NH, IN, VA and SO are driven by policies, VO by ORCA, SF by social forces.
 CROWDS = ("NH", "IN", "VA", "SO", "VO", "SF")
+
+#: Crowds to choose settings by, in no table of the paper: walkers who see nobody, and, driven by the policies of ``pool``, cross-play.
+VALIDATION_CROWDS = ("straight", "stop-and-go", "cross-play")
 
 
 def parallel_env(

@@ -48,7 +48,7 @@ class RoomEnv(gymnasium.Env[Float32, Float32]):
     ``reset(seed=s, options={"test_episode": k})`` goes to episode k of its test with seed s (0 if there is none).
 
     Args:
-        crowd: NH, IN, VA, SO (these need ``pool``), VO or SF.
+        crowd: NH, IN, VA, SO (these need ``pool``), VO or SF; straight, stop-and-go or (with ``pool``) cross-play.
         n_pedestrians: how many walk about; those of the configuration (4) if left out.
         robot_visible: whether pedestrians see the robot; the crowd's own rule if left out.
         pool: policies that drive learned pedestrians: checkpoint files, run folders, or folders of either.

@@ -72,7 +72,7 @@ def evaluate(
             belong to different episodes: an action must be a function of its own row alone. The array is written anew for
             every call; copy what is to be kept. A policy with a memory is tested by
             ``RoomEnv.reset(options={"test_episode": k})``.
-        crowd: NH, IN, VA, SO (these need ``pool``), VO or SF.
+        crowd: NH, IN, VA, SO (these need ``pool``), VO or SF; straight, stop-and-go or (with ``pool``) cross-play.
         episodes: episodes 0 up to this; episode k is the same for every policy.
         seed: root seed of starts, goals, noise and pedestrians.
         batch: the most episodes that run side by side. Changes speed and memory alone.

@@ -36,7 +36,7 @@ def keywords(
 ) -> Keywords:
     """Checks and completes the keywords of a room among a crowd; `ValueError` names what is wrong."""
     if not isinstance(crowd, str):
-        raise ValueError(f"crowd: found {crowd!r}, expected one of NH, IN, VA, SO, VO, SF")
+        raise ValueError(f"crowd: found {crowd!r}, expected one of NH, IN, VA, SO, VO, SF, straight, stop-and-go, cross-play")
     return Keywords(
         config=path_or_none(config),
         overrides=overrides(settings),

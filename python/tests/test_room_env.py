@@ -30,7 +30,7 @@ def drive(env: gymnasium.Env, steps: int, **reset: object) -> bytes:
     return hash_.digest()
 
 
-@pytest.mark.parametrize("crowd", jostle.CROWDS)
+@pytest.mark.parametrize("crowd", jostle.CROWDS + jostle.VALIDATION_CROWDS)
 def test_gymnasiums_checker_has_nothing_to_say(crowd: str, pool: Path) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -126,6 +126,7 @@ def test_pedestrians_may_see_the_robot() -> None:
     ("keywords", "message"),
     [
         ({"crowd": "XX"}, "unknown crowd `XX`; expected one of NH, IN, VA, SO, VO, SF"),
+        ({"crowd": "straight", "robot_visible": True}, "robot_visible: found true for crowd straight, expected nothing"),
         ({"crowd": "NH"}, "crowd NH needs a pool of pedestrian policies; found none"),
         ({"settings": {"sim.laser.beam": 3}}, "settings: sim.laser.beam=3: sim.laser.beam: found an unknown key, expected beams"),
         ({"settings": {"sim.laser.noise_std": -1.0}}, "settings: sim.laser.noise_std=-1.0: sim.laser.noise_std: found -1"),
