@@ -78,9 +78,11 @@ fn a_resumed_run_ends_with_the_bytes_of_an_uninterrupted_one() {
 }
 
 /// What switches a training crowd on in the tiny run.
-const CROWD: [&str; 5] = [
+const CROWD: [&str; 7] = [
     "n_agents=3",
-    "training_crowd.blind=0.5",
+    "training_crowd.blind=0.2",
+    "training_crowd.straight=0.2",
+    "training_crowd.stop_and_go=0.1",
     "training_crowd.speed_min=0.5",
     "training_crowd.speed_max=1.5",
     "bootstrap_truncation=true",

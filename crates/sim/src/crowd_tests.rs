@@ -5,7 +5,7 @@ use crate::episode::{Outcome, StepEnd};
 use crate::geometry::Pose;
 use crate::rng::Streams;
 use crate::rooms::Rooms;
-use crate::traits::{Role, TrainingCrowd};
+use crate::traits::{Role, TrainingCrowd, Traits};
 use glam::Vec2;
 use std::f32::consts::PI;
 
@@ -118,4 +118,77 @@ fn a_speed_factor_is_on_what_is_executed() {
     assert!((at(&rooms, 0).position.x + 7.9).abs() < 1e-6);
     let width = rooms.config().observation_len();
     assert_eq!(rooms.observations()[2 * width - 2..], [1.5, 0.5], "it knows its velocity");
+}
+
+/// Agent 1 as a walker: the others are learners.
+fn walker(role: Role, places: &[(f32, f32, f32)]) -> Rooms {
+    let mut rooms = room(&all_blind(), places);
+    for agent in 1..places.len() {
+        rooms.rooms[0].traits[agent] = Traits::default();
+    }
+    rooms.rooms[0].traits[1] = Traits { role, speed: 1.5, ..Traits::default() };
+    rooms
+}
+
+#[test]
+fn a_straight_walker_goes_to_its_goal_whatever_the_actions() {
+    let mut rooms = walker(Role::Straight, &[(-8.0, 8.0, 0.0), (6.0, -9.0, 0.0)]);
+    let row = rooms.observations()[rooms.config().observation_len()..].to_vec();
+    // 3 m to the goal less its radius at 1.5 m/s.
+    for step in 1..=17 {
+        rooms.step(&[[0.0; 2], [0.0, 1.0]]);
+        let expected = if step < 17 { StepEnd::Running } else { StepEnd::Terminated(Outcome::Success) };
+        assert_eq!(end(&rooms, 1), expected, "step {step}");
+        if step < 17 {
+            assert_eq!(rooms.observations()[row.len()..], row, "it senses nothing");
+        }
+    }
+    let episode = rooms.transitions()[1].episode.expect("it has ended");
+    assert!((episode.path_length - 2.55).abs() < 1e-5, "{}", episode.path_length);
+}
+
+#[test]
+fn a_walker_is_seen_and_sees_nobody() {
+    let mut rooms = walker(Role::Straight, &[(7.9, -9.0, 0.0), (6.0, -9.0, 0.0)]);
+    for step in 1..=8 {
+        rooms.step(&[[0.0; 2]; 2]);
+        // Its front is at 1.65 m, and 0.15 m nearer after each step.
+        let expected = if step < 8 { StepEnd::Running } else { StepEnd::Terminated(Outcome::CollisionAgent) };
+        assert_eq!((end(&rooms, 0), end(&rooms, 1)), (expected, StepEnd::Running), "step {step}");
+    }
+}
+
+#[test]
+fn a_walker_that_is_stopped_ends_its_episode_by_what_stopped_it() {
+    let facing_the_goal = -std::f32::consts::FRAC_PI_4;
+    for (standing, x, outcome) in [(true, 0.0, Outcome::CollisionAgent), (false, 9.6, Outcome::CollisionWall)]
+    {
+        let mut rooms =
+            walker(Role::Straight, &[(-8.0, 8.0, 0.0), (x, -x, facing_the_goal), (0.4, -0.4, 0.0)]);
+        rooms.rooms[0].traits[2] = Traits { role: Role::Standing, ..Traits::default() };
+        rooms.rooms[0].episodes[1].goal = Vec2::new(12.0, -12.0);
+        if !standing {
+            rooms.remove(2);
+        }
+        for step in 1..=3 {
+            rooms.step(&[[0.0; 2]; 3]);
+            let expected = if step < 3 { StepEnd::Running } else { StepEnd::Terminated(outcome) };
+            assert_eq!(end(&rooms, 1), expected, "x = {x}, step {step}");
+        }
+    }
+}
+
+#[test]
+fn a_standing_member_stands_until_the_time_limit() {
+    let mut rooms = walker(Role::Standing, &[(-8.0, 8.0, 0.0), (0.0, 0.0, 0.5)]);
+    let limit = rooms.config().episode.step_limit;
+    for step in 1..=limit {
+        rooms.step(&[[0.0; 2], [1.0, 1.0]]);
+        let expected = if step < limit { StepEnd::Running } else { StepEnd::Truncated };
+        assert_eq!(end(&rooms, 1), expected, "step {step}");
+        if step < limit {
+            let pose = rooms.rooms[0].world.pose(1);
+            assert_eq!((pose.position, pose.heading), (Vec2::ZERO, 0.5));
+        }
+    }
 }

@@ -159,8 +159,14 @@ impl Room {
         let (robot, dt) = (&self.config.robot, self.config.episode.dt);
         let limits = robot.acceleration.as_ref();
         for (agent, action) in actions.iter().enumerate() {
-            let executed = clip_action(*action, robot);
-            let command = self.traits[agent].command(executed);
+            let traits = &mut self.traits[agent];
+            let executed = if traits.role.has_policy() {
+                clip_action(*action, robot)
+            } else {
+                let way = (self.world.pose(agent), self.episodes[agent].goal);
+                traits.walk(&self.crowd, way, robot, dt, &mut self.agents[agent].crowd)
+            };
+            let command = traits.command(executed);
             let [v, w] = apply_limits(self.episodes[agent].velocity, command, limits, dt);
             transitions[agent].executed = executed;
             self.episodes[agent].velocity = [v, w];
@@ -179,27 +185,43 @@ impl Room {
         }
     }
 
+    /// Scan and observation of an agent that a policy drives, after the move.
+    fn observe(&mut self, agent: usize, row: &mut [f32]) -> ScanSummary {
+        let role = self.traits[agent].role;
+        let scan =
+            self.laser.scan(&self.world, Sensor::Body(agent), |_| role.sees_agents(), &mut self.ranges);
+        let (episode, observer) = (&self.episodes[agent], &mut self.agents[agent].observer);
+        observer.push(&self.ranges, row);
+        observer.write_motion(self.world.pose(agent), episode.goal, episode.velocity, row);
+        scan
+    }
+
+    /// What a member of the training crowd has been stopped by for too long.
+    fn stopped(&self, agent: usize) -> Option<Outcome> {
+        if self.traits[agent].stalled_steps < self.crowd.stall_limit {
+            return None;
+        }
+        // Further from walls and obstacles than a step and half its body it can have met bodies only.
+        let step = self.traits[agent].speed * self.config.robot.v_max * self.config.episode.dt;
+        let reach = self.world.shape(agent).circumradius() + step;
+        let at_wall = self.world.clearance(self.world.pose(agent).position) <= reach;
+        Some(if at_wall { Outcome::CollisionWall } else { Outcome::CollisionAgent })
+    }
+
     /// Scan, observation, outcome and reward of one robot after the move.
     fn judge(&mut self, agent: usize, buffers: &mut RoomBuffers<'_>) {
         let width = self.config.observation_len();
         let row = &mut buffers.observations[agent * width..][..width];
-        let traits = self.traits[agent];
-        let visible = |_| traits.role.sees_agents();
-        let scan = self.laser.scan(&self.world, Sensor::Body(agent), visible, &mut self.ranges);
-        let pose = self.world.pose(agent);
+        let role = self.traits[agent].role;
+        let scan = role.has_policy().then(|| self.observe(agent, row));
         let episode = self.episodes[agent];
-        let observer = &mut self.agents[agent].observer;
-        observer.push(&self.ranges, row);
-        observer.write_motion(pose, episode.goal, episode.velocity, row);
-
-        let goal_distance = pose.position.distance(episode.goal);
+        let goal_distance = self.world.pose(agent).position.distance(episode.goal);
         let limits = &self.config.episode;
-        let blocked = traits.stalled_steps >= self.crowd.stall_limit;
-        let crashed = crash(scan, limits.crash_range).or(blocked.then_some(Outcome::CollisionAgent));
+        let crashed = scan.and_then(|scan| crash(scan, limits.crash_range)).or_else(|| self.stopped(agent));
         let ended = outcome(goal_distance, limits.goal_radius, crashed);
         let w = buffers.transitions[agent].executed[1];
         let mut worth = reward(&self.config.reward, ended, episode.goal_distance - goal_distance, w);
-        if let Some(zones) = &self.config.reward.safety_zone {
+        if let (Some(zones), Some(scan)) = (&self.config.reward.safety_zone, scan) {
             let others = (0..self.agents.len()).filter(|i| *i != agent).map(|i| self.zone_body(i));
             worth += safety_zone(zones, scan.min_range, limits.crash_range, self.zone_body(agent), others);
         }
@@ -216,7 +238,7 @@ impl Room {
         };
         let transition = &mut buffers.transitions[agent];
         (transition.reward, transition.end, transition.episode) = (worth, end, None);
-        transition.role = traits.role;
+        transition.role = role;
         if !end.is_running() {
             transition.episode = Some(summary(episode, buffers.tokens[agent]));
             buffers.finals[agent * width..][..width].copy_from_slice(row);
@@ -243,6 +265,9 @@ impl Room {
         let width = self.config.observation_len();
         let row = &mut observations[agent * width..][..width];
         let role = self.traits[agent].role;
+        if !role.has_policy() {
+            return;
+        }
         self.laser.scan(&self.world, Sensor::Body(agent), |_| role.sees_agents(), &mut self.ranges);
         let (episode, observer) = (&self.episodes[agent], &mut self.agents[agent].observer);
         observer.begin(&self.ranges, row);

@@ -7,14 +7,19 @@
 //!
 //! # Rules for members
 //!
+//! - A seeing or blind member is driven by the present policy; a walker by a rule ([`Traits::walk`]): it turns on the spot until
+//!   it faces its goal and goes straight on, whoever is in its way. Walkers sense nothing and have no rule of crashing.
 //! - A blind member's laser shows walls and obstacles only, and so does its rule of crashing. A learner in its way sees
 //!   it come and crashes by its own scan; the blind one goes on.
 //! - Bodies never overlap, so a member that does not look stands still where it meets another member. Whoever has been
-//!   stopped by a body for `stall_limit` steps in a row ends its episode there, as a collision with an agent.
-//! - Goal, walls and time limit end a member's episode like a learner's.
+//!   stopped for `stall_limit` steps in a row ends its episode there, as a collision with what stopped it.
+//! - Goal and time limit end a member's episode like a learner's.
 
+use crate::config::RobotConfig;
 use crate::config::check::within;
 use crate::error::SimError;
+use crate::geometry::Pose;
+use glam::Vec2;
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
 
@@ -25,25 +30,63 @@ pub struct TrainingCrowd {
     /// Share of agents that are blind for an episode: driven by the present policy, by a laser that shows walls and
     /// obstacles but no other agent. Nothing is learned from them. The first agent of a room is never one. Default 0.
     pub blind: f32,
+    /// Share of agents that are, for an episode, driven by the present policy and see everyone, but at the crowd's speed.
+    /// Default 0.
+    pub seeing: f32,
+    /// Share of agents that walk straight to their goal for an episode, at a constant speed, whoever is in their way: they
+    /// follow a rule, no policy. Default 0.
+    pub straight: f32,
+    /// Share of agents that walk as the straight ones do, but stand still every now and then. Default 0.
+    pub stop_and_go: f32,
+    /// Share of agents that stand still for a whole episode. Default 0.
+    pub standing: f32,
     /// Least factor on the linear velocity that a member of the crowd executes; uniform up to `speed_max`, drawn for
-    /// each episode. Learners keep theirs. Default 1.
+    /// each episode. A walker's speed is this times `sim.robot.v_max`. Learners keep theirs. Default 1.
     pub speed_min: f32,
     /// Largest factor on the linear velocity that a member of the crowd executes. Default 1.
     pub speed_max: f32,
-    /// A member that another body has stopped for this many steps in a row ends its episode. Default 10: a second.
+    /// Least time that a stop-and-go walker walks or stands, s; uniform up to `phase_max`, drawn for each walk and each stop.
+    /// Default 0.5.
+    pub phase_min: f32,
+    /// Longest time that a stop-and-go walker walks or stands, s. Default 4.
+    pub phase_max: f32,
+    /// A member that something has stopped for this many steps in a row ends its episode. Default 10: a second.
     pub stall_limit: u32,
 }
 
 impl Default for TrainingCrowd {
     fn default() -> Self {
-        Self { blind: 0.0, speed_min: 1.0, speed_max: 1.0, stall_limit: 10 }
+        Self {
+            blind: 0.0,
+            seeing: 0.0,
+            straight: 0.0,
+            stop_and_go: 0.0,
+            standing: 0.0,
+            speed_min: 1.0,
+            speed_max: 1.0,
+            phase_min: 0.5,
+            phase_max: 4.0,
+            stall_limit: 10,
+        }
     }
 }
 
 impl TrainingCrowd {
     /// Whether all agents are learners, always.
     pub fn is_off(&self) -> bool {
-        self.blind <= 0.0
+        self.shares().iter().all(|(_, share, _)| *share <= 0.0)
+    }
+
+    /// Who is a member of the crowd with which probability, by the key. The order is that of the draw: new ones come last, so
+    /// that a crowd without them is drawn as ever.
+    fn shares(&self) -> [(&'static str, f32, Role); 5] {
+        [
+            ("blind", self.blind, Role::Blind),
+            ("seeing", self.seeing, Role::Seeing),
+            ("straight", self.straight, Role::Straight),
+            ("stop_and_go", self.stop_and_go, Role::StopAndGo),
+            ("standing", self.standing, Role::Standing),
+        ]
     }
 
     /// Checks every field.
@@ -52,16 +95,18 @@ impl TrainingCrowd {
     ///
     /// [`SimError::Field`] for the first field that is out of range.
     pub fn validate(&self) -> Result<(), SimError> {
-        within("blind", self.blind, 0.0, 1.0)?;
-        within("speed_min", self.speed_min, 0.0, 100.0)?;
-        within("speed_max", self.speed_max, 0.0, 100.0)?;
-        if self.speed_max < self.speed_min {
-            return Err(SimError::field(
-                "speed_max",
-                self.speed_max,
-                format!("at least speed_min = {}", self.speed_min),
-            ));
+        let mut sum = 0.0;
+        for (field, share, _) in self.shares() {
+            within(field, share, 0.0, 1.0)?;
+            sum += share;
+            // Ten shares of 0.1 may add up to a little more.
+            if sum > 1.0 + 1e-6 {
+                let expected = format!("at most {}: all shares together at most 1", 1.0 - (sum - share));
+                return Err(SimError::field(field, share, expected));
+            }
         }
+        ordered(("speed_min", self.speed_min), ("speed_max", self.speed_max), 100.0)?;
+        ordered(("phase_min", self.phase_min), ("phase_max", self.phase_max), 1000.0)?;
         if self.stall_limit == 0 {
             return Err(SimError::field("stall_limit", 0, "at least 1"));
         }
@@ -70,14 +115,37 @@ impl TrainingCrowd {
 
     /// Draws who an agent is for one episode.
     pub(crate) fn draw(&self, rng: &mut impl Rng) -> Traits {
-        let share: f32 = rng.random();
-        if share >= self.blind {
-            return Traits::default();
-        }
+        let mut share: f32 = rng.random();
+        let drawn = self.shares().into_iter().find_map(|(_, of_role, role)| {
+            share -= of_role;
+            (share < 0.0).then_some(role)
+        });
+        let Some(role) = drawn else { return Traits::default() };
         let speed = rng.random_range(self.speed_min..=self.speed_max);
-        Traits { role: Role::Blind, speed, stalled_steps: 0 }
+        let stands = role == Role::StopAndGo && rng.random();
+        Traits { role, speed, stands, ..Traits::default() }
+    }
+
+    /// Steps of a walk or a stop.
+    fn phase(&self, dt: f32, rng: &mut impl Rng) -> u32 {
+        let seconds = rng.random_range(self.phase_min..=self.phase_max);
+        // The cast saturates.
+        ((seconds / dt).round() as u32).max(1)
     }
 }
+
+/// `low` and `high` must lie in [0, most], in that order.
+fn ordered(low: (&str, f32), high: (&str, f32), most: f32) -> Result<(), SimError> {
+    within(low.0, low.1, 0.0, most)?;
+    within(high.0, high.1, 0.0, most)?;
+    if high.1 < low.1 {
+        return Err(SimError::field(high.0, high.1, format!("at least {} = {}", low.0, low.1)));
+    }
+    Ok(())
+}
+
+/// A walker goes forward while its goal is no further than this from straight ahead, rad.
+const FACING: f32 = 0.1;
 
 /// What an agent is for one episode.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -88,12 +156,25 @@ pub enum Role {
     Learner,
     /// Driven by the present policy; sees no other agent.
     Blind,
+    /// Driven by the present policy; sees everyone.
+    Seeing,
+    /// Walks straight to its goal.
+    Straight,
+    /// Walks straight to its goal, with stops.
+    StopAndGo,
+    /// Does not move.
+    Standing,
 }
 
 impl Role {
     /// Whether what the agent does is learned from.
     pub fn learns(self) -> bool {
         self == Self::Learner
+    }
+
+    /// Whether a policy drives the agent: it then has a laser and the rule of crashing.
+    pub fn has_policy(self) -> bool {
+        matches!(self, Self::Learner | Self::Blind | Self::Seeing)
     }
 
     /// Whether the agent's laser shows other agents.
@@ -111,11 +192,17 @@ pub(crate) struct Traits {
     pub(crate) speed: f32,
     /// Steps in a row, up to the last one, in which a member was stopped by what was in its way; 0 for a learner.
     pub(crate) stalled_steps: u32,
+    /// Whether a stop-and-go walker stands.
+    #[serde(default)]
+    pub(crate) stands: bool,
+    /// For how many steps more it goes on with that.
+    #[serde(default)]
+    pub(crate) phase_steps: u32,
 }
 
 impl Default for Traits {
     fn default() -> Self {
-        Self { role: Role::Learner, speed: 1.0, stalled_steps: 0 }
+        Self { role: Role::Learner, speed: 1.0, stalled_steps: 0, stands: false, phase_steps: 0 }
     }
 }
 
@@ -123,6 +210,31 @@ impl Traits {
     /// The command that an agent executes for the clipped action.
     pub(crate) fn command(&self, [v, w]: [f32; 2]) -> [f32; 2] {
         if self.role.learns() { [v, w] } else { [v * self.speed, w] }
+    }
+
+    /// The action of a walker: at `v_max`, on which its speed is a factor, once it faces its goal, till then a turn towards it.
+    pub(crate) fn walk(
+        &mut self,
+        crowd: &TrainingCrowd,
+        (pose, goal): (Pose, Vec2),
+        robot: &RobotConfig,
+        dt: f32,
+        rng: &mut impl Rng,
+    ) -> [f32; 2] {
+        if self.role == Role::StopAndGo {
+            if self.phase_steps == 0 {
+                self.stands = !self.stands;
+                self.phase_steps = crowd.phase(dt, rng);
+            }
+            self.phase_steps -= 1;
+        }
+        if self.role == Role::Standing || self.stands {
+            return [0.0, 0.0];
+        }
+        let goal_in_robot = pose.point_in_frame(goal);
+        let bearing = libm::atan2f(goal_in_robot.y, goal_in_robot.x);
+        let v = if bearing.abs() <= FACING { robot.v_max } else { 0.0 };
+        [v, (bearing / dt).clamp(-robot.w_max, robot.w_max)]
     }
 
     /// Counts a step in which the agent was stalled, or not.
@@ -155,6 +267,65 @@ mod tests {
     }
 
     #[test]
+    fn every_role_has_its_share_and_new_shares_move_no_old_draw() {
+        let crowd = TrainingCrowd {
+            blind: 0.2,
+            seeing: 0.1,
+            straight: 0.15,
+            stop_and_go: 0.1,
+            standing: 0.05,
+            ..TrainingCrowd::default()
+        };
+        assert_eq!(crowd.validate(), Ok(()));
+        let draw = |crowd: &TrainingCrowd, episode| {
+            crowd.draw(&mut Streams::new(3).stream("training_crowd", &[episode]))
+        };
+        let drawn: Vec<Traits> = (0..10_000).map(|episode| draw(&crowd, episode)).collect();
+        for (key, share, role) in crowd.shares() {
+            let found = drawn.iter().filter(|traits| traits.role == role).count() as f32 / 10_000.0;
+            // Five standard deviations of a share of 0.2.
+            assert!((found - share).abs() < 0.02, "{key}: {found}");
+        }
+        let stands = drawn.iter().filter(|traits| traits.stands).count();
+        assert!((400..600).contains(&stands), "half of the stop-and-go walkers: {stands}");
+        let blind = TrainingCrowd { blind: 0.2, ..TrainingCrowd::default() };
+        for (episode, traits) in (0..).zip(&drawn).filter(|(_, traits)| traits.role == Role::Blind) {
+            assert_eq!(draw(&blind, episode), *traits);
+        }
+    }
+
+    /// The actions of so many steps of a walker that stands in the origin with its goal at (0, 5).
+    fn actions(mut traits: Traits, heading: f32, n_steps: usize) -> Vec<[f32; 2]> {
+        let crowd = TrainingCrowd { phase_min: 0.2, phase_max: 0.2, ..TrainingCrowd::default() };
+        let (robot, mut rng) = (RobotConfig::default(), Streams::new(3).stream("training_crowd", &[]));
+        let way = (Pose::new(Vec2::ZERO, heading), Vec2::new(0.0, 5.0));
+        (0..n_steps).map(|_| traits.walk(&crowd, way, &robot, 0.1, &mut rng)).collect()
+    }
+
+    #[test]
+    fn walkers_turn_on_the_spot_and_go_straight() {
+        let straight = Traits { role: Role::Straight, ..Traits::default() };
+        let left = std::f32::consts::FRAC_PI_2;
+        assert_eq!(actions(straight, 0.0, 1), [[0.0, 1.0]]);
+        assert_eq!(actions(straight, left + 1.0, 1), [[0.0, -1.0]]);
+        assert_eq!(actions(straight, left, 1)[0][0], 1.0);
+        // What is left to turn is turned in one step, while it walks.
+        let [v, w] = actions(straight, left - 0.05, 1)[0];
+        assert!(v == 1.0 && (w - 0.5).abs() < 1e-4, "{v} {w}");
+        assert_eq!(actions(Traits { role: Role::Standing, ..straight }, 0.0, 2), [[0.0; 2]; 2]);
+    }
+
+    #[test]
+    fn stop_and_go_walkers_walk_and_stand_in_turns() {
+        let walker = Traits { role: Role::StopAndGo, stands: true, ..Traits::default() };
+        let speeds: Vec<f32> =
+            actions(walker, std::f32::consts::FRAC_PI_2, 8).iter().map(|action| action[0]).collect();
+        assert_eq!(speeds, [1.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0]);
+        let turns = actions(walker, 0.0, 4).iter().filter(|action| action[1] != 0.0).count();
+        assert_eq!(turns, 2, "whoever stands does not turn");
+    }
+
+    #[test]
     fn messages_name_field_found_and_expected() {
         let check = |crowd: TrainingCrowd, expected: &str| {
             assert_eq!(crowd.validate().expect_err("out of range").to_string(), expected);
@@ -169,6 +340,14 @@ mod tests {
         check(
             TrainingCrowd { speed_min: 1.25, ..base.clone() },
             "speed_max: found 1, expected at least speed_min = 1.25",
+        );
+        check(
+            TrainingCrowd { phase_max: 0.25, ..base.clone() },
+            "phase_max: found 0.25, expected at least phase_min = 0.5",
+        );
+        check(
+            TrainingCrowd { blind: 0.5, seeing: 0.25, standing: 0.5, ..base.clone() },
+            "standing: found 0.5, expected at most 0.25: all shares together at most 1",
         );
         check(TrainingCrowd { stall_limit: 0, ..base }, "stall_limit: found 0, expected at least 1");
     }
@@ -188,7 +367,7 @@ mod tests {
 
     #[test]
     fn a_member_drives_at_its_own_speed() {
-        let member = Traits { role: Role::Blind, speed: 1.5, stalled_steps: 0 };
+        let member = Traits { role: Role::Blind, speed: 1.5, ..Traits::default() };
         assert_eq!(member.command([1.0, -0.5]), [1.5, -0.5]);
         assert_eq!(Traits::default().command([1.0, -0.5]), [1.0, -0.5]);
     }

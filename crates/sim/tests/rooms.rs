@@ -58,7 +58,16 @@ fn restoring_a_state_through_json_goes_on_bit_for_bit() {
 
 /// Rooms in which every role occurs.
 fn crowded_rooms(n_rooms: usize) -> Rooms {
-    let crowd = TrainingCrowd { blind: 0.5, speed_min: 0.5, speed_max: 1.5, ..TrainingCrowd::default() };
+    let crowd = TrainingCrowd {
+        blind: 0.2,
+        seeing: 0.2,
+        straight: 0.2,
+        stop_and_go: 0.1,
+        standing: 0.1,
+        speed_min: 0.5,
+        speed_max: 1.5,
+        ..TrainingCrowd::default()
+    };
     Rooms::with_crowd(&SimConfig::default(), &crowd, n_rooms, 5, 5, &Streams::new(7)).expect("rooms")
 }
 
