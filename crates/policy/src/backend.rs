@@ -2,12 +2,16 @@
 //!
 //! The switch is [`Backend`], the field `backend` of a training config. Nothing is chosen in silence: asking for a
 //! device that is not there is an error.
+//!
+//! [`actor`] and [`critic`] take observation rows. [`actor_of_inputs`] and [`critic_of_inputs`] are the same networks behind
+//! the [encoder](crate::encoder): a learner encodes a row once and reads it many times.
 
-use crate::fast::FastNetwork;
+use crate::encoder::encoded::EncodedNetwork;
+use crate::fast::{FastNetwork, Mlp};
 use crate::reference::{Actor, CandleNetwork, Critic, default_device};
-use crate::{Backend, Network, NetworkConfig, Parameters, PolicyError};
+use crate::{Backend, Encoder, Network, NetworkConfig, Parameters, PolicyError};
 
-/// An actor: outputs `[B, 2]`, the means of v and ω.
+/// An actor: outputs `[B, 2]`, the means of v and ω, of observation rows.
 ///
 /// # Errors
 ///
@@ -18,16 +22,10 @@ pub fn actor(
     backend: Backend,
     parameters: &Parameters,
 ) -> Result<Box<dyn Network>, PolicyError> {
-    config.validate()?;
-    match backend {
-        Backend::Fast => Ok(Box::new(FastNetwork::actor(config, parameters)?)),
-        Backend::Reference => {
-            Ok(Box::new(CandleNetwork::new(Actor::new(config), parameters, default_device()?)?))
-        }
-    }
+    Ok(behind_encoder(config, actor_of_inputs(config, backend, parameters)?))
 }
 
-/// A critic: outputs `[B, 1]`, the value.
+/// A critic: outputs `[B, 1]`, the value, of observation rows.
 ///
 /// # Errors
 ///
@@ -37,11 +35,50 @@ pub fn critic(
     backend: Backend,
     parameters: &Parameters,
 ) -> Result<Box<dyn Network>, PolicyError> {
+    Ok(behind_encoder(config, critic_of_inputs(config, backend, parameters)?))
+}
+
+/// An actor that takes input rows of [`NetworkConfig::input_len`] values.
+///
+/// # Errors
+///
+/// As [`actor`].
+pub fn actor_of_inputs(
+    config: &NetworkConfig,
+    backend: Backend,
+    parameters: &Parameters,
+) -> Result<Box<dyn Network>, PolicyError> {
     config.validate()?;
-    match backend {
-        Backend::Fast => Ok(Box::new(FastNetwork::critic(config, parameters)?)),
+    Ok(match backend {
+        Backend::Fast if config.motion.is_some() => Box::new(Mlp::actor(config, parameters)?),
+        Backend::Fast => Box::new(FastNetwork::actor(config, parameters)?),
         Backend::Reference => {
-            Ok(Box::new(CandleNetwork::new(Critic::new(config), parameters, default_device()?)?))
+            Box::new(CandleNetwork::new(Actor::new(config), parameters, default_device()?)?)
         }
-    }
+    })
+}
+
+/// A critic that takes input rows of [`NetworkConfig::input_len`] values.
+///
+/// # Errors
+///
+/// As [`actor`].
+pub fn critic_of_inputs(
+    config: &NetworkConfig,
+    backend: Backend,
+    parameters: &Parameters,
+) -> Result<Box<dyn Network>, PolicyError> {
+    config.validate()?;
+    Ok(match backend {
+        Backend::Fast if config.motion.is_some() => Box::new(Mlp::critic(config, parameters)?),
+        Backend::Fast => Box::new(FastNetwork::critic(config, parameters)?),
+        Backend::Reference => {
+            Box::new(CandleNetwork::new(Critic::new(config), parameters, default_device()?)?)
+        }
+    })
+}
+
+fn behind_encoder(config: &NetworkConfig, network: Box<dyn Network>) -> Box<dyn Network> {
+    let encoder = Encoder::new(config);
+    if encoder.is_identity() { network } else { Box::new(EncodedNetwork::new(encoder, network)) }
 }

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::PolicyError;
+use crate::encoder::motion::{self, MotionInputs};
 use crate::observation::{BEAMS, FRAMES, TAIL_LEN};
 
 /// Output channels of both convolutions.
@@ -52,6 +53,18 @@ pub struct NetworkConfig {
     pub hidden: usize,
     /// Initial logarithm of the action's standard deviation, for both dimensions (as in the lineage: 0).
     pub log_std_init: f32,
+    /// The network reads the nearest of each this many neighbouring beams (paper: 1, every beam).
+    #[serde(skip_serializing_if = "is_one")]
+    pub scan_pool: usize,
+    /// With this the network reads bodies with their velocities ([`motion`]) instead of scans: a
+    /// perceptron of `laser_feature` and `hidden` units, into which the token enters as one of M ones.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub motion: Option<MotionInputs>,
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
+fn is_one(value: &usize) -> bool {
+    *value == 1
 }
 
 impl Default for NetworkConfig {
@@ -65,6 +78,8 @@ impl Default for NetworkConfig {
             laser_feature: 256,
             hidden: 128,
             log_std_init: 0.0,
+            scan_pool: 1,
+            motion: None,
         }
     }
 }
@@ -102,11 +117,20 @@ impl NetworkConfig {
             let expected = "a finite number".to_owned();
             return Err(PolicyError::Config { field: "log_std_init", found, expected });
         }
-        let largest = [
-            self.laser_feature.saturating_mul(self.flat_len()),
-            self.hidden.saturating_mul(self.concat_len()),
-            self.n_behaviours.saturating_mul(self.embedding),
-        ];
+        self.validate_inputs()?;
+        let largest = if self.motion.is_some() {
+            [
+                self.laser_feature.saturating_mul(self.input_len().saturating_add(self.n_behaviours)),
+                self.hidden.saturating_mul(self.laser_feature),
+                0,
+            ]
+        } else {
+            [
+                self.laser_feature.saturating_mul(self.flat_len()),
+                self.hidden.saturating_mul(self.concat_len()),
+                self.n_behaviours.saturating_mul(self.embedding),
+            ]
+        };
         let total = largest.iter().fold(0_usize, |sum, size| sum.saturating_add(*size));
         if total > PARAMETERS_MAX {
             let expected = format!("at most {PARAMETERS_MAX} parameters");
@@ -119,14 +143,50 @@ impl NetworkConfig {
         Ok(())
     }
 
+    /// What stands before the network must fit the row and the network.
+    fn validate_inputs(&self) -> Result<(), PolicyError> {
+        let refuse = |field, found: String, expected: &str| {
+            Err(PolicyError::Config { field, found, expected: expected.to_owned() })
+        };
+        let pool = self.scan_pool;
+        if pool == 0 || !self.beams.is_multiple_of(pool) || self.beams / pool < 3 {
+            let expected = format!("a divisor of the {} beams that leaves at least 3", self.beams);
+            return refuse("scan_pool", pool.to_string(), &expected);
+        }
+        let Some(motion) = &self.motion else { return Ok(()) };
+        if pool != 1 {
+            return refuse("scan_pool", pool.to_string(), "1 where the inputs are motions");
+        }
+        if self.frames < 2 || self.beams < 64 {
+            let found = format!("{} frames of {} beams", self.frames, self.beams);
+            return refuse("motion", found, "at least 2 frames of at least 64 beams");
+        }
+        for (value, name) in [(motion.dt, "dt"), (motion.v_max, "v_max"), (motion.w_max, "w_max")] {
+            if !(value.is_finite() && value > 0.0) {
+                return refuse("motion", format!("{name} = {value}"), "finite numbers > 0");
+            }
+        }
+        Ok(())
+    }
+
     /// Length of an observation row: scans, goal, velocity.
     pub fn observation_len(&self) -> usize {
         self.frames * self.beams + TAIL_LEN
     }
 
+    /// Length of an input row: what the [encoder](crate::encoder) makes of an observation row.
+    pub fn input_len(&self) -> usize {
+        if self.motion.is_some() { motion::INPUT_LEN } else { self.frames * self.input_beams() + TAIL_LEN }
+    }
+
+    /// Beams of a scan as the convolutions read it (512 without pooling).
+    pub fn input_beams(&self) -> usize {
+        self.beams / self.scan_pool
+    }
+
     /// Positions behind the first convolution (255 for 512 beams).
     pub fn conv1_len(&self) -> usize {
-        conv_len(self.beams, CONV1_KERNEL)
+        conv_len(self.input_beams(), CONV1_KERNEL)
     }
 
     /// Positions behind the second convolution (128 for 512 beams).

@@ -99,6 +99,12 @@ impl Layout {
     /// What actor and critic have in common, up to the last hidden layer.
     fn trunk(config: &NetworkConfig) -> Self {
         let mut layout = Self::new();
+        if config.motion.is_some() {
+            // The token enters as one of M ones behind the inputs.
+            layout.push_linear("fc1", config.input_len() + config.n_behaviours, config.laser_feature);
+            layout.push_linear("fc2", config.laser_feature, config.hidden);
+            return layout;
+        }
         layout.push_conv("conv1", config.frames, CONV_CHANNELS, CONV1_KERNEL);
         layout.push_conv("conv2", CONV_CHANNELS, CONV_CHANNELS, CONV2_KERNEL);
         layout.push_linear("fc1", config.flat_len(), config.laser_feature);

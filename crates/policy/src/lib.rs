@@ -1,6 +1,6 @@
 //! The behaviour-conditioned actor and critic: definition, parameters, inference and gradients.
 //!
-//! Reading order: [`observation`] (what goes in), [`config`] and [`layout`] (sizes, names, shapes), [`Parameters`],
+//! Reading order: [`observation`] (what goes in), [`encoder`] (what may stand before a network), [`config`] and [`layout`] (sizes, names, shapes), [`Parameters`],
 //! [`reference::model`] (the networks, layer by layer), [`Network`] (what every back end does), [`backend`] (the one
 //! place that chooses one), [`DiagonalGaussian`] (the distribution over actions), [`PolicyFile`] (a trained policy on
 //! disk).
@@ -12,6 +12,7 @@ pub mod backend;
 pub mod batch;
 mod checksum;
 pub mod config;
+pub mod encoder;
 pub mod error;
 pub mod fast;
 pub mod file;
@@ -30,6 +31,7 @@ pub use backend::{actor, critic};
 pub use batch::Batch;
 pub use checksum::hex;
 pub use config::NetworkConfig;
+pub use encoder::Encoder;
 pub use error::PolicyError;
 pub use file::{PolicyFile, Precision};
 pub use gaussian::DiagonalGaussian;

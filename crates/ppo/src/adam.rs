@@ -47,6 +47,11 @@ impl Adam {
         self.learning_rate
     }
 
+    /// Changes the step size of the steps to come.
+    pub fn set_learning_rate(&mut self, learning_rate: f64) {
+        self.learning_rate = learning_rate;
+    }
+
     /// Number of steps taken.
     pub fn steps(&self) -> u64 {
         self.steps

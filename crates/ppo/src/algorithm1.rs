@@ -47,9 +47,12 @@ use std::time::Instant;
 use jostle_diversity::cross_entropy::{self, log_softmax_at};
 use jostle_diversity::input::{NoiseLevels, state_action_rows};
 use jostle_diversity::{ActionInput, BehaviourActions, DiscriminatorShape, discriminator};
-use jostle_policy::{Batch, DiagonalGaussian, Parameters, actor, critic};
+use jostle_policy::backend::{actor_of_inputs, critic_of_inputs};
+use jostle_policy::encoder::{Encoder, EncoderScratch};
+use jostle_policy::{Batch, DiagonalGaussian, Parameters};
 use jostle_sim::{Rooms, Streams};
 use rayon::ThreadPool;
+use rayon::prelude::*;
 
 use crate::gae;
 use crate::learner::Learner;
@@ -79,11 +82,45 @@ pub struct Trainer {
     /// Transitions seen.
     pub(crate) transitions: u64,
     pub(crate) rollout: Rollout,
+    inputs: Inputs,
     /// Means of the present step's actions, one for each agent.
     means: Vec<[f32; 2]>,
     /// Rows [observation | action] of the rollout, for `q_state_action`.
     state_action: Vec<f32>,
     pub(crate) pool: Arc<ThreadPool>,
+}
+
+/// Observation rows as the networks read them.
+struct Inputs {
+    encoder: Encoder,
+    rows: Vec<f32>,
+}
+
+/// Rows that one task encodes.
+const ENCODED_AT_ONCE: usize = 32;
+
+impl Inputs {
+    fn new(encoder: Encoder) -> Self {
+        Self { encoder, rows: Vec::new() }
+    }
+
+    /// The rows encoded, or as they are where the network reads them so.
+    fn encode<'a>(&'a mut self, observations: &'a [f32]) -> &'a [f32] {
+        if self.encoder.is_identity() {
+            return observations;
+        }
+        let (width, len) = (self.encoder.observation_len(), self.encoder.input_len());
+        let Self { encoder, rows } = self;
+        rows.resize(observations.len() / width * len, 0.0);
+        rows.par_chunks_mut(len * ENCODED_AT_ONCE)
+            .zip(observations.par_chunks(width * ENCODED_AT_ONCE))
+            .for_each_init(EncoderScratch::default, |scratch, (rows, observations)| {
+                for (row, observation) in rows.chunks_exact_mut(len).zip(observations.chunks_exact(width)) {
+                    encoder.encode(observation, scratch, row);
+                }
+            });
+        rows
+    }
 }
 
 impl Trainer {
@@ -100,8 +137,8 @@ impl Trainer {
         let init = |name: &str| streams.stream(name, &[]);
         let theta = Parameters::actor(&network, &mut init("init.actor"));
         let phi = Parameters::critic(&network, &mut init("init.critic"));
-        let actor = actor(&network, config.backend, &theta)?; // Alg. 1, line 1: π_θ
-        let critic = critic(&network, config.backend, &phi)?; // Alg. 1, line 1: V_φ
+        let actor = actor_of_inputs(&network, config.backend, &theta)?; // Alg. 1, line 1: π_θ
+        let critic = critic_of_inputs(&network, config.backend, &phi)?; // Alg. 1, line 1: V_φ
         let q = |name, n_inputs| -> Result<Learner, PpoError> {
             let (hidden, n_behaviours) = (config.discriminator.hidden, config.n_behaviours);
             let shape = DiscriminatorShape { n_inputs, hidden, n_behaviours };
@@ -109,7 +146,8 @@ impl Trainer {
             let network = discriminator(shape, config.backend, &psi)?;
             Ok(Learner::new(name, network, config.discriminator.learning_rate))
         };
-        let width = network.observation_len();
+        let encoder = Encoder::new(&network);
+        let width = encoder.input_len();
         let q_state_action = q("discriminator.state_action", width + 2)?; // Alg. 1, line 1: q_ψsa
         let q_state = q("discriminator.state", width)?; // Alg. 1, line 1: q_ψs
         let pool = thread_pool(config.threads)?;
@@ -123,6 +161,7 @@ impl Trainer {
             q_state_action,
             q_state,
             rollout: Rollout::new(config.horizon, config.agents_total(), width),
+            inputs: Inputs::new(encoder),
             means: vec![[0.0; 2]; config.agents_total()],
             state_action: Vec::new(),
             commit: "unknown".to_owned(),
@@ -184,7 +223,7 @@ impl Trainer {
         for step in 0..self.config.horizon as u64 {
             self.act(step, &mut clock)?; // Alg. 1, lines 5–7: all agents side by side
         }
-        self.rollout.push_observations(self.rooms.observations(), self.rooms.tokens(), self.update)?;
+        self.observe()?;
         self.rollout.keep_learners();
         clock.rollout = start.elapsed().as_secs_f64();
         let logits = self.judge();
@@ -196,6 +235,9 @@ impl Trainer {
         let explained_variance = self.estimate_advantages()?; // Alg. 1, line 9
         let diversity = self.measure_diversity();
         clock.evaluation = start.elapsed().as_secs_f64() - clock.rollout;
+        let learning_rate = self.config.learning_rate_at(self.update);
+        self.actor.adam.set_learning_rate(learning_rate);
+        self.critic.adam.set_learning_rate(learning_rate);
         // Alg. 1, line 11: π_old is the log-probabilities that the rollout keeps.
         let Self { config, streams, rollout, actor, critic, q_state_action, q_state, .. } = self;
         let lesson = Lesson { config, streams, rollout, update: self.update };
@@ -240,10 +282,16 @@ impl Trainer {
         })
     }
 
+    /// What all agents see now, as the networks read it, appended to the rollout.
+    fn observe(&mut self) -> Result<(), PpoError> {
+        let rows = self.inputs.encode(self.rooms.observations());
+        self.rollout.push_observations(rows, self.rooms.tokens(), self.update)
+    }
+
     /// One step of every agent: observe, sample the policy of its behaviour, execute, collect (lines 6–7).
     pub(crate) fn act(&mut self, step: u64, clock: &mut Clock) -> Result<(), PpoError> {
         let begin = Instant::now();
-        self.rollout.push_observations(self.rooms.observations(), self.rooms.tokens(), self.update)?;
+        self.observe()?;
         self.actor.network.infer(self.rollout.present(), self.means.as_flattened_mut());
         let log_std = self.actor.log_std();
         let mut rng = self.streams.stream("action", &[self.update, step]);
@@ -263,7 +311,7 @@ impl Trainer {
         self.rooms.step(&self.rollout.actions[first..]);
         self.rollout.push_transitions(&self.rooms);
         if self.config.bootstrap_truncation {
-            self.rollout.keep_truncated(&self.rooms);
+            self.rollout.keep_truncated(&self.rooms, &self.inputs.encoder);
         }
         clock.simulation += begin.elapsed().as_secs_f64();
         Ok(())
@@ -272,6 +320,10 @@ impl Trainer {
     /// Logits of q(z|s,a) and q(z|s) on the rollout, which they have not seen.
     pub(crate) fn judge(&mut self) -> [Vec<f32>; 2] {
         let rollout = &self.rollout;
+        if self.config.n_behaviours < 2 {
+            // With one behaviour there is nothing to guess: a single logit has the logarithm 0 whatever it is.
+            return [vec![0.0; rollout.len()], vec![0.0; rollout.len()]];
+        }
         let shown = match self.config.discriminator.action {
             ActionInput::Executed => &rollout.executed,
             ActionInput::Raw => &rollout.actions,

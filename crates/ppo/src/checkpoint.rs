@@ -206,7 +206,7 @@ fn check_shapes(config: &Config, file: &TensorFile) -> Result<(), PpoError> {
     let network = config.network_config();
     let (hidden, n_behaviours) = (config.discriminator.hidden, config.n_behaviours);
     let q = |n_inputs| DiscriminatorShape { n_inputs, hidden, n_behaviours }.layout();
-    let width = network.observation_len();
+    let width = network.input_len();
     let layouts = [
         ("actor", Layout::actor(&network)),
         ("critic", Layout::critic(&network)),

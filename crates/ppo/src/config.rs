@@ -5,6 +5,7 @@
 //! overrides, error locations); `config/check.rs` (ranges).
 
 use jostle_diversity::{DiscriminatorConfig, IntrinsicReward};
+use jostle_policy::encoder::motion::MotionInputs;
 use jostle_policy::{Backend, NetworkConfig};
 use jostle_sim::{SimConfig, TrainingCrowd};
 use serde::{Deserialize, Serialize};
@@ -63,6 +64,10 @@ pub struct Config {
     /// Adam's step size for policy and value function; > 0. Default 5e-5 (paper). The discriminators have their own in
     /// `[discriminator]`.
     pub learning_rate: f64,
+    /// Updates in which the step size of policy and value function halves, smoothly; ≥ 0, 0 keeps it. Counted in updates
+    /// done, so that a run that is made longer goes on as it was. Default 0 (paper).
+    #[serde(skip_serializing_if = "is_default")]
+    pub learning_rate_half_life: f64,
     /// Discount γ; 0 to 1. Default 0.99 (paper).
     pub gamma: f64,
     /// Trace decay λ of generalised advantage estimation; 0 to 1. Default 0.95 (paper).
@@ -134,13 +139,38 @@ pub struct NetworkSection {
     pub hidden: usize,
     /// Initial log standard deviation of both action dimensions. Default 0 (lineage).
     pub log_std_init: f32,
+    /// What the network reads: every beam of the `scans` (paper), or `motion`, the bodies around with their velocities
+    /// and when each way would meet them. Default `scans`.
+    #[serde(skip_serializing_if = "is_default")]
+    pub inputs: NetworkInputs,
+    /// With `scans`, the network reads the nearest of each this many neighbouring beams; a divisor of `sim.laser.beams`.
+    /// The robot keeps all its beams. Default 1 (paper).
+    #[serde(skip_serializing_if = "is_one")]
+    pub scan_pool: usize,
+}
+
+/// What a network reads.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum NetworkInputs {
+    /// The observation row: three scans, goal, velocity.
+    #[default]
+    Scans,
+    /// Bodies with their velocities, and when each way would meet them ([`jostle_policy::encoder::motion`]).
+    Motion,
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
+fn is_one(value: &usize) -> bool {
+    *value == 1
 }
 
 impl Default for NetworkSection {
     fn default() -> Self {
         let NetworkConfig { embedding, embedding_std, laser_feature, hidden, log_std_init, .. } =
             NetworkConfig::default();
-        Self { embedding, embedding_std, laser_feature, hidden, log_std_init }
+        let inputs = NetworkInputs::default();
+        Self { embedding, embedding_std, laser_feature, hidden, log_std_init, inputs, scan_pool: 1 }
     }
 }
 
@@ -161,6 +191,7 @@ impl Default for Config {
             epochs_value: 3,
             epochs_discriminator: 1,
             learning_rate: 5e-5,
+            learning_rate_half_life: 0.0,
             gamma: 0.99,
             gae_lambda: 0.95,
             clip_coef: 0.1,
@@ -190,6 +221,18 @@ impl Config {
         self.horizon * self.agents_total()
     }
 
+    /// Adam's step size for policy and value function in an update, counted from 1.
+    ///
+    /// # Formula
+    ///
+    /// `learning_rate` · ½^((update − 1) / `learning_rate_half_life`)
+    pub fn learning_rate_at(&self, update: u64) -> f64 {
+        if self.learning_rate_half_life == 0.0 {
+            return self.learning_rate;
+        }
+        self.learning_rate * libm::exp2(-((update - 1) as f64) / self.learning_rate_half_life)
+    }
+
     /// Actor and critic in full: this section's sizes, the laser's and M.
     pub fn network_config(&self) -> NetworkConfig {
         NetworkConfig {
@@ -201,6 +244,12 @@ impl Config {
             hidden: self.network.hidden,
             embedding_std: self.network.embedding_std,
             log_std_init: self.network.log_std_init,
+            scan_pool: self.network.scan_pool,
+            motion: (self.network.inputs == NetworkInputs::Motion).then_some(MotionInputs {
+                dt: self.sim.episode.dt,
+                v_max: self.sim.robot.v_max,
+                w_max: self.sim.robot.w_max,
+            }),
         }
     }
 
@@ -255,6 +304,28 @@ mod tests {
         let read = Config::parse(&text, "canonical", &["updates=7", "threads=3"]).unwrap();
         assert_eq!(read, config);
         assert!(!text.contains("checkpoint_every"));
+    }
+
+    #[test]
+    fn the_step_size_halves_in_a_half_life() {
+        let config = Config { learning_rate: 0.5, learning_rate_half_life: 10.0, ..Config::default() };
+        let rates = [1, 11, 21].map(|update| config.learning_rate_at(update));
+        assert_eq!(rates, [0.5, 0.25, 0.125]);
+        assert!(rates[1] < config.learning_rate_at(6) && config.learning_rate_at(6) < rates[0]);
+        assert_eq!(Config::default().learning_rate_at(5000), 5e-5);
+    }
+
+    #[test]
+    fn what_stands_before_the_network_is_left_out_at_its_default() {
+        let text = Config::default().canonical_toml();
+        for key in ["inputs", "scan_pool", "learning_rate_half_life"] {
+            assert!(!text.contains(key), "{key}");
+        }
+        let read = Config::parse("[network]\ninputs = \"motion\"", "a file", &[] as &[&str]).unwrap();
+        assert_eq!(read.network_config().input_len(), jostle_policy::encoder::motion::INPUT_LEN);
+        assert_ne!(read.hash(), Config::default().hash());
+        let refusal = Config::parse("[network]\nscan_pool = 3", "a file", &[] as &[&str]).unwrap_err();
+        assert!(refusal.to_string().contains("network.scan_pool: found 3"), "{refusal}");
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! The data of one update: preallocated buffers over T steps and A agents, step after step.
 
-use jostle_policy::Batch;
+use jostle_policy::encoder::EncoderScratch;
+use jostle_policy::{Batch, Encoder};
 use jostle_sim::{Rooms, StepEnd};
 
 use crate::PpoError;
@@ -53,7 +54,7 @@ pub struct Rollout {
 }
 
 impl Rollout {
-    /// Buffers for `n_steps` steps of `n_agents` agents with observations of `width` values.
+    /// Buffers for `n_steps` steps of `n_agents` agents with input rows of `width` values.
     pub fn new(n_steps: usize, n_agents: usize, width: usize) -> Self {
         let n = n_steps * n_agents;
         Self {
@@ -190,12 +191,14 @@ impl Rollout {
     }
 
     /// Keeps the last observations of the episodes that the last step cut, so that their values can be had.
-    pub(crate) fn keep_truncated(&mut self, rooms: &Rooms) {
+    pub(crate) fn keep_truncated(&mut self, rooms: &Rooms, encoder: &Encoder) {
         let first = self.fates.len() - self.n_agents;
         for agent in 0..self.n_agents {
             let learns = self.places[first + agent].is_some();
             if learns && matches!(self.fates[first + agent], StepFate::Truncated { .. }) {
-                self.truncated.push((first + agent, rooms.final_observation(agent).to_vec()));
+                let mut input = Vec::with_capacity(self.width);
+                encoder.append(rooms.final_observation(agent), &mut EncoderScratch::default(), &mut input);
+                self.truncated.push((first + agent, input));
             }
         }
     }

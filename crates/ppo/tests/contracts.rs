@@ -108,6 +108,34 @@ fn a_training_crowd_keeps_the_promises() {
 }
 
 #[test]
+fn encoded_inputs_keep_the_promises() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let half = folder.path().join("half.safetensors");
+    for inputs in ["network.inputs=motion", "network.scan_pool=4"] {
+        let settings = [
+            "n_agents=3",
+            "bootstrap_truncation=true",
+            "sim.laser.beams=64",
+            "learning_rate_half_life=4",
+            inputs,
+        ];
+        let mut whole = trainer(&settings);
+        let reports = run(&mut whole, 6);
+        let whole = saved(&mut whole, folder.path());
+        for threads in [1, 2] {
+            let config = jostle_ppo::Config { threads, ..tiny(&settings) };
+            let mut first = Trainer::new(config.clone()).expect("valid");
+            assert_eq!(run(&mut first, 3), reports[..3]);
+            first.save(&half).expect("writable");
+            drop(first);
+            let mut second = Trainer::resume_with(&half, config).expect("a good checkpoint");
+            assert_eq!(run(&mut second, 3), reports[3..]);
+            assert_same(&saved(&mut second, folder.path()), &whole, &format!("{inputs}, {threads} threads"));
+        }
+    }
+}
+
+#[test]
 fn a_report_keeps_learners_and_crowd_apart() {
     let mut crowded = trainer(&CROWD);
     let (mut transitions, mut ended, mut learners_ended) = (0, 0, 0);

@@ -73,7 +73,7 @@ pub(super) struct ConvScratch {
 
 impl Convolutions {
     pub(super) fn new(config: &NetworkConfig) -> Self {
-        let (frames, beams) = (config.frames, config.beams);
+        let (frames, beams) = (config.frames, config.input_beams());
         let scan_stride = (beams + 2).next_multiple_of(8);
         Self { frames, beams, scan_stride, len1: config.conv1_len(), len2: config.conv2_len() }
     }

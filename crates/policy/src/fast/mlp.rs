@@ -1,14 +1,18 @@
-//! A multi-layer perceptron with two hidden ReLU layers of one width: the shape of both discriminators.
+//! A multi-layer perceptron with two hidden ReLU layers: the shape of both discriminators, and of actor and critic where
+//! they read bodies with their velocities ([`crate::encoder::motion`]).
 
 use std::sync::Arc;
 
+use super::network::Activation;
 use super::permutation::Permutation;
 use crate::kernels::{AlignedVec, BLOCK, Chunks, Finish, Forward, Grid, Head, Isa, Linear, for_each_piece};
-use crate::{Batch, Layout, Network, Parameters, PolicyError};
+use crate::{Batch, Layout, Network, NetworkConfig, Parameters, PolicyError};
 
-/// inputs → hidden (ReLU) → hidden (ReLU) → outputs, with tensors `fc1`, `fc2` and `out`.
+/// inputs → hidden (ReLU) → hidden (ReLU) → outputs, with tensors `fc1`, `fc2` and the heads (`out`, or those of an actor
+/// or a critic).
 ///
-/// A batch's observations are rows of `inputs` values; its tokens are not read, but there is one for each row.
+/// A batch's observations are rows of `inputs` values. A discriminator does not read the tokens, but there is one for
+/// each row; actor and critic read the token z as the z-th of M further inputs being 1.
 ///
 /// # Examples
 ///
@@ -29,14 +33,28 @@ pub struct Mlp {
     permutation: Permutation,
     parameters: AlignedVec,
     gradient: AlignedVec,
+    /// Values of an observation row; behind them fc1 reads `n_tokens` values, one of which is 1.
+    inputs: usize,
+    n_tokens: usize,
     fc1: Linear,
     fc2: Linear,
     out: Head,
+    activations: Vec<Activation>,
     at: [(usize, usize); 2],
     transposed2: AlignedVec,
     transposed_fresh: bool,
     memory: Memory,
     kept: Option<Chunks>,
+}
+
+/// What tells the perceptrons apart.
+struct Shape {
+    inputs: usize,
+    n_tokens: usize,
+    hidden: [usize; 2],
+    /// Where each output's weights and bias stand in the flat vector.
+    heads: Vec<(usize, usize)>,
+    activations: Vec<Activation>,
 }
 
 /// Activations and their gradients, blocked; it grows to the largest batch and stays.
@@ -49,6 +67,8 @@ struct Memory {
     d_h1: AlignedVec,
     d_h2: AlignedVec,
     d_y: AlignedVec,
+    /// Outputs `[B, n_outputs]` behind their activations.
+    outputs: Vec<f32>,
     /// Which of `d_h1` are not zero: a mask for each unit and chunk.
     columns: Vec<u64>,
 }
@@ -96,24 +116,83 @@ impl Mlp {
             }
         }
         let layout = Self::layout(inputs, hidden, outputs);
+        let start = |name: &str| layout.range(name).expect("the tensors of `Mlp::layout`").start;
+        let (weight, bias) = (start("out.weight"), start("out.bias"));
+        let heads = (0..outputs).map(|o| (weight + o * hidden, bias + o)).collect();
+        let activations = vec![Activation::Identity; outputs];
+        Self::build(
+            Shape { inputs, n_tokens: 0, hidden: [hidden; 2], heads, activations },
+            layout,
+            parameters,
+            isa,
+        )
+    }
+
+    /// An actor that reads bodies with their velocities.
+    ///
+    /// # Errors
+    ///
+    /// [`PolicyError::Config`] if `laser_feature` or `hidden` is no multiple of 32, [`PolicyError::Parameters`] if the
+    /// parameters are not an actor's of this shape.
+    pub fn actor(config: &NetworkConfig, parameters: &Parameters) -> Result<Self, PolicyError> {
+        let heads = [("mean_v", Activation::Sigmoid), ("mean_w", Activation::Tanh)];
+        Self::of_policy(config, Layout::actor(config), &heads, parameters, Isa::detect())
+    }
+
+    /// A critic that reads bodies with their velocities.
+    ///
+    /// # Errors
+    ///
+    /// As [`actor`](Self::actor).
+    pub fn critic(config: &NetworkConfig, parameters: &Parameters) -> Result<Self, PolicyError> {
+        let heads = [("value", Activation::Identity)];
+        Self::of_policy(config, Layout::critic(config), &heads, parameters, Isa::detect())
+    }
+
+    pub(super) fn of_policy(
+        config: &NetworkConfig,
+        layout: Layout,
+        heads: &[(&str, Activation)],
+        parameters: &Parameters,
+        isa: Isa,
+    ) -> Result<Self, PolicyError> {
+        config.validate()?;
+        super::check_width("laser_feature", config.laser_feature)?;
+        super::check_width("hidden", config.hidden)?;
+        let start = |name: &str| layout.range(name).expect("the layout of a policy").start;
+        let shape = Shape {
+            inputs: config.input_len(),
+            n_tokens: config.n_behaviours,
+            hidden: [config.laser_feature, config.hidden],
+            heads: heads
+                .iter()
+                .map(|(name, _)| (start(&format!("{name}.weight")), start(&format!("{name}.bias"))))
+                .collect(),
+            activations: heads.iter().map(|(_, activation)| *activation).collect(),
+        };
+        Self::build(shape, layout, parameters, isa)
+    }
+
+    fn build(shape: Shape, layout: Layout, parameters: &Parameters, isa: Isa) -> Result<Self, PolicyError> {
         parameters.check_layout(&layout)?;
-        let range = |name: &str| layout.range(name).expect("the tensors of `Mlp::layout`");
-        let (fc1, fc2) = (Linear::new(inputs, hidden), Linear::new(hidden, hidden));
+        let Shape { inputs, n_tokens, hidden: [hidden1, hidden2], heads, activations } = shape;
+        let start = |name: &str| layout.range(name).expect("the tensors of a perceptron").start;
+        let (fc1, fc2) = (Linear::new(inputs + n_tokens, hidden1), Linear::new(hidden1, hidden2));
         let mut permutation = Permutation::identity(layout.len());
         for (name, linear) in [("fc1.weight", fc1), ("fc2.weight", fc2)] {
             let width = linear.inputs();
-            permutation
-                .reorder(range(name).start, linear.weights(), |idx| linear.index(idx % width, idx / width));
+            permutation.reorder(start(name), linear.weights(), |idx| linear.index(idx % width, idx / width));
         }
-        let head =
-            (0..outputs).map(|o| (range("out.weight").start + o * hidden, range("out.bias").start + o));
         let mut mlp = Self {
             isa,
             parameters: AlignedVec::zeros(layout.len()),
             gradient: AlignedVec::zeros(layout.len()),
-            out: Head::new(hidden, head.collect()),
+            inputs,
+            n_tokens,
+            out: Head::new(hidden2, heads),
+            activations,
             at: [("fc1.weight", "fc1.bias"), ("fc2.weight", "fc2.bias")]
-                .map(|(weight, bias)| (range(weight).start, range(bias).start)),
+                .map(|(weight, bias)| (start(weight), start(bias))),
             transposed2: AlignedVec::zeros(fc2.transposed_len()),
             transposed_fresh: false,
             memory: Memory::default(),
@@ -128,10 +207,17 @@ impl Mlp {
         Ok(mlp)
     }
 
+    /// Lengths of a chunk's input, both hidden layers and padded output.
+    fn chunk_lens(&self, chunks: &Chunks) -> [usize; 4] {
+        [self.fc1.inputs(), self.fc1.outputs(), self.fc2.outputs(), self.out.padded()]
+            .map(|features| chunks.chunk_len(features))
+    }
+
     /// Refuses a batch that does not fit.
     fn check(&self, batch: Batch<'_>) {
-        // The tokens are not read, so any token passes.
-        if let Err(error) = batch.check(self.fc1.inputs(), usize::MAX) {
+        // A discriminator does not read the tokens, so any token passes.
+        let n_tokens = if self.n_tokens == 0 { usize::MAX } else { self.n_tokens };
+        if let Err(error) = batch.check(self.inputs, n_tokens) {
             panic!("{error}");
         }
     }
@@ -160,36 +246,43 @@ impl Network for Mlp {
             return;
         }
         let chunks = Chunks::new(batch.len());
-        let [x, h, y] =
-            [self.fc1.inputs(), self.fc1.outputs(), self.out.padded()].map(|n| chunks.chunk_len(n));
+        let [x, h1, h2, y] = self.chunk_lens(&chunks);
         let memory = &mut self.memory;
         memory.x.reserve_len(chunks.count * x);
-        memory.h1.reserve_len(chunks.count * h);
-        memory.h2.reserve_len(chunks.count * h);
+        memory.h1.reserve_len(chunks.count * h1);
+        memory.h2.reserve_len(chunks.count * h2);
         memory.y.reserve_len(chunks.count * y);
         let (isa, p, [(w1, b1), (w2, b2)]) = (self.isa, &self.parameters[..], self.at);
-        let (fc1, fc2, out) = (&self.fc1, &self.fc2, &self.out);
+        let (fc1, fc2, out, activations) = (&self.fc1, &self.fc2, &self.out, &self.activations);
+        let (inputs, n_tokens) = (self.inputs, self.n_tokens);
         let slices = [
             (&mut memory.x[..], x),
-            (&mut memory.h1[..], h),
-            (&mut memory.h2[..], h),
+            (&mut memory.h1[..], h1),
+            (&mut memory.h2[..], h2),
             (&mut memory.y[..], y),
-            (outputs, chunks.size * n_outputs),
+            (&mut outputs[..], chunks.size * n_outputs),
         ];
         for_each_piece(chunks.count, slices, &|chunk, [x, h1, h2, y, outputs]| {
             let (rows, first) = (chunks.rows(chunk), chunks.first(chunk));
             for row in 0..rows {
-                chunks.write_row(x, row, 0, batch.observation(first + row, fc1.inputs()));
+                chunks.write_row(x, row, 0, batch.observation(first + row, inputs));
+                for token in 0..n_tokens {
+                    let chosen = batch.token(first + row) as usize == token;
+                    chunks.write_row(x, row, inputs + token, &[f32::from(chosen)]);
+                }
             }
             fc1.forward(isa, &p[w1..], &p[b1..], Forward::new(&chunks, chunk, x, h1, true));
             fc2.forward(isa, &p[w2..], &p[b2..], Forward::new(&chunks, chunk, h1, h2, true));
             out.forward(isa, Forward::new(&chunks, chunk, h2, y, false));
             for (row, outputs) in outputs.chunks_exact_mut(n_outputs).enumerate() {
                 for (idx, output) in outputs.iter_mut().enumerate() {
-                    *output = y[idx / BLOCK * chunks.block_stride() + row * BLOCK + idx % BLOCK];
+                    let sum = y[idx / BLOCK * chunks.block_stride() + row * BLOCK + idx % BLOCK];
+                    *output = activations[idx].value(sum);
                 }
             }
         });
+        memory.outputs.clear();
+        memory.outputs.extend_from_slice(outputs);
         self.kept = Some(chunks);
     }
 
@@ -197,26 +290,28 @@ impl Network for Mlp {
         let chunks = self.kept.expect("backward comes after a forward of at least one row");
         let n_outputs = self.n_outputs();
         assert_eq!(d_outputs.len(), chunks.batch * n_outputs, "gradient of {} rows", chunks.batch);
-        let [x, h, y] =
-            [self.fc1.inputs(), self.fc1.outputs(), self.out.padded()].map(|n| chunks.chunk_len(n));
+        let [x, len1, len2, y] = self.chunk_lens(&chunks);
         let (isa, [(w1, b1), (w2, b2)]) = (self.isa, self.at);
         if !self.transposed_fresh {
             self.fc2.transpose(isa, &self.parameters[w2..], &mut self.transposed2);
             self.transposed_fresh = true;
         }
-        let Memory { x: xs, h1, h2, d_h1, d_h2, d_y, columns, .. } = &mut self.memory;
-        d_h1.reserve_len(chunks.count * h);
-        d_h2.reserve_len(chunks.count * h);
+        let Memory { x: xs, h1, h2, d_h1, d_h2, d_y, columns, outputs, .. } = &mut self.memory;
+        d_h1.reserve_len(chunks.count * len1);
+        d_h2.reserve_len(chunks.count * len2);
         d_y.reserve_len(chunks.count * y);
         let (fc2, out, transposed2) = (&self.fc2, &self.out, &self.transposed2);
-        let slices = [(&mut d_h1[..], h), (&mut d_h2[..], h), (&mut d_y[..], y)];
+        let (activations, outputs) = (&self.activations, &outputs[..]);
+        let slices = [(&mut d_h1[..], len1), (&mut d_h2[..], len2), (&mut d_y[..], y)];
         for_each_piece(chunks.count, slices, &|chunk, [d_h1, d_h2, d_y]| {
             let (rows, stride) = (chunks.rows(chunk), chunks.block_stride());
-            let (h1, h2) = (&h1[chunk * h..], &h2[chunk * h..]);
-            let d_outputs = &d_outputs[chunks.first(chunk) * n_outputs..][..rows * n_outputs];
+            let (h1, h2) = (&h1[chunk * len1..], &h2[chunk * len2..]);
+            let range = chunks.first(chunk) * n_outputs..(chunks.first(chunk) + rows) * n_outputs;
+            let (d_outputs, outputs) = (&d_outputs[range.clone()], &outputs[range]);
             d_y.fill(0.0);
-            for (row, d_outputs) in d_outputs.chunks_exact(n_outputs).enumerate() {
-                chunks.write_row(d_y, row, 0, d_outputs);
+            for (at, (d_output, output)) in d_outputs.iter().zip(outputs).enumerate() {
+                let (row, idx) = (at / n_outputs, at % n_outputs);
+                chunks.write_row(d_y, row, idx, &[d_output * activations[idx].slope(*output)]);
             }
             out.input_gradient(isa, &chunks, rows, d_y, h2, d_h2);
             for panel in 0..fc2.transposed_panels() {
@@ -228,13 +323,13 @@ impl Network for Mlp {
         });
         let gradient = &mut self.gradient;
         let (d_h1, d_h2, d_y) =
-            (&d_h1[..chunks.count * h], &d_h2[..chunks.count * h], &d_y[..chunks.count * y]);
+            (&d_h1[..chunks.count * len1], &d_h2[..chunks.count * len2], &d_y[..chunks.count * y]);
         let xs = &xs[..chunks.count * x];
         self.fc1.weight_gradient_behind_relu(isa, &chunks, xs, d_h1, &mut gradient[w1..], columns);
         chunks.sum_rows(d_h1, self.fc1.outputs(), &mut gradient[b1..][..self.fc1.outputs()]);
-        self.fc2.weight_gradient(isa, &chunks, &h1[..chunks.count * h], d_h2, &mut gradient[w2..]);
+        self.fc2.weight_gradient(isa, &chunks, &h1[..chunks.count * len1], d_h2, &mut gradient[w2..]);
         chunks.sum_rows(d_h2, self.fc2.outputs(), &mut gradient[b2..][..self.fc2.outputs()]);
-        self.out.weight_gradient(isa, &chunks, &h2[..chunks.count * h], d_y, gradient);
+        self.out.weight_gradient(isa, &chunks, &h2[..chunks.count * len2], d_y, gradient);
     }
 
     fn parameters_and_gradient(&mut self) -> (&mut [f32], &mut [f32]) {

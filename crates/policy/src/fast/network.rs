@@ -24,7 +24,7 @@ pub(super) enum Activation {
 }
 
 impl Activation {
-    fn value(self, x: f32) -> f32 {
+    pub(super) fn value(self, x: f32) -> f32 {
         match self {
             Self::Identity => x,
             Self::Sigmoid => 1.0 / (1.0 + (-x).exp()),
@@ -246,7 +246,7 @@ impl FastNetwork {
     /// Computes the outputs into `memory`. Without a backward pass to `keep` them for, padded scans and convolutions' outputs
     /// are in a task's scratch memory, where the second-level cache holds them for the next chunk.
     fn run(&mut self, batch: Batch<'_>, keep: bool) -> Chunks {
-        let width = self.config.observation_len();
+        let width = self.config.input_len();
         if let Err(error) = batch.check(width, self.config.n_behaviours) {
             panic!("{error}");
         }
@@ -337,7 +337,7 @@ impl Model<'_> {
         let ForwardPart { chunk, scans, x, masks, concat, hidden, y, outputs } = part;
         let (rows, first) = (chunks.rows(chunk), chunks.first(chunk));
         let (isa, p) = (self.isa, self.parameters);
-        let width = self.config.observation_len();
+        let width = self.config.input_len();
         let conv = conv_parts(self.conv, p);
         for (row, scans) in scans.chunks_exact_mut(self.conv.scans_len()).take(rows).enumerate() {
             let observation = batch.observation(first + row, width);

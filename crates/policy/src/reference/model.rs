@@ -31,7 +31,8 @@ pub trait Model: Send {
     /// Names and shapes of the weights.
     fn layout(&self) -> Layout;
 
-    /// Values in one observation row.
+    /// Values in one input row (of an actor or critic: what the [encoder](crate::encoder) makes of an
+    /// observation row).
     fn observation_len(&self) -> usize;
 
     /// Tokens must be less than this.
@@ -64,8 +65,11 @@ fn trunk(
     observations: &Tensor,
     tokens: &Tensor,
 ) -> Result<Features> {
+    if config.motion.is_some() {
+        return perceptron(config, weights, observations, tokens);
+    }
     let (batch, _observation_len) = observations.dims2()?;
-    let (frames, beams) = (config.frames, config.beams);
+    let (frames, beams) = (config.frames, config.input_beams());
     let laser = observations.narrow(1, 0, frames * beams)?.reshape((batch, frames, beams))?;
     let goal_and_velocity = observations.narrow(1, frames * beams, TAIL_LEN)?;
 
@@ -80,6 +84,24 @@ fn trunk(
     let embedding = weights.get("embedding.weight")?.index_select(tokens, 0)?;
     let concat = Tensor::cat(&[&laser_feature, &goal_and_velocity, &embedding], 1)?;
     let hidden = relu(&linear(&concat, weights, "fc2")?)?;
+    Ok(Features { laser_feature, hidden })
+}
+
+/// The trunk of a network that reads bodies with their velocities ([`crate::encoder::motion`]):
+///
+/// ```text
+/// feature = relu(fc1(cat([inputs, one_hot(token)], 1)))   # [B, inputs + M] → [B, laser_feature]
+/// hidden  = relu(fc2(feature))                            #                 → [B, hidden]
+/// ```
+fn perceptron(
+    config: &NetworkConfig,
+    weights: &Weights,
+    inputs: &Tensor,
+    tokens: &Tensor,
+) -> Result<Features> {
+    let ones = Tensor::eye(config.n_behaviours, inputs.dtype(), inputs.device())?.index_select(tokens, 0)?;
+    let laser_feature = relu(&linear(&Tensor::cat(&[inputs, &ones], 1)?, weights, "fc1")?)?;
+    let hidden = relu(&linear(&laser_feature, weights, "fc2")?)?;
     Ok(Features { laser_feature, hidden })
 }
 
@@ -108,7 +130,7 @@ impl Model for Actor {
     }
 
     fn observation_len(&self) -> usize {
-        self.config.observation_len()
+        self.config.input_len()
     }
 
     fn n_behaviours(&self) -> usize {
@@ -151,7 +173,7 @@ impl Model for Critic {
     }
 
     fn observation_len(&self) -> usize {
-        self.config.observation_len()
+        self.config.input_len()
     }
 
     fn n_behaviours(&self) -> usize {

@@ -43,6 +43,7 @@ impl Config {
         within("epochs_value", self.epochs_value, 1, 1000)?;
         within("epochs_discriminator", self.epochs_discriminator, 0, 1000)?;
         positive("learning_rate", self.learning_rate)?;
+        not_negative("learning_rate_half_life", self.learning_rate_half_life)?;
         share("gamma", self.gamma)?;
         share("gae_lambda", self.gae_lambda)?;
         positive("clip_coef", self.clip_coef)?;
@@ -51,7 +52,7 @@ impl Config {
         not_negative("alpha", self.alpha)?;
         self.sim.validate().map_err(|error| in_section("sim", error))?;
         self.training_crowd.validate().map_err(|error| in_section("training_crowd", error))?;
-        let values = rollout.saturating_mul(self.sim.observation_len());
+        let values = rollout.saturating_mul(self.network_config().input_len());
         if values > OBSERVATIONS_MAX {
             let expected = format!("at most {OBSERVATIONS_MAX} (transitions · length of an observation)");
             return Err(refuse("horizon", format!("{values} values an update"), expected));

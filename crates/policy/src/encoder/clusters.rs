@@ -1,0 +1,194 @@
+//! A scan in pieces: runs of neighbouring beams whose end points lie close together.
+//!
+//! A person or a robot is a small cluster, a wall a large one. The full circle has no end: a cluster may run across the
+//! seam between the last beam and the first.
+
+use std::f64::consts::TAU;
+
+/// Neighbouring end points further apart than this belong to different clusters, m.
+pub const GAP: f32 = 0.35;
+/// A cluster that reaches further than this from its first end point is part of a wall or of several bodies, m. (A body of 0.5 m by
+/// 0.5 m has a diagonal of 0.71 m.)
+pub const SIZE_MAX: f32 = 0.75;
+/// Reading of a beam that meets nothing, in the units of an observation row.
+const NOTHING: f32 = 0.5;
+
+/// A run of beams that met something.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cluster {
+    /// Its first beam, counter-clockwise.
+    pub first: usize,
+    /// Number of beams.
+    pub n: usize,
+    /// Mean of its end points in the frame of the scan, m.
+    pub centre: [f32; 2],
+    /// Least range, m.
+    pub nearest: f32,
+    /// Largest distance of an end point from the first one, m.
+    pub size: f32,
+}
+
+/// Unit vectors of the beams of a full circle: beam 0 straight ahead, counter-clockwise.
+#[derive(Debug, Clone)]
+pub struct Beams {
+    cos: Vec<f32>,
+    sin: Vec<f32>,
+}
+
+impl Beams {
+    /// `n` beams.
+    pub fn new(n: usize) -> Self {
+        let angle = |beam: usize| TAU * beam as f64 / n as f64;
+        Self {
+            cos: (0..n).map(|beam| libm::cos(angle(beam)) as f32).collect(),
+            sin: (0..n).map(|beam| libm::sin(angle(beam)) as f32).collect(),
+        }
+    }
+
+    /// Number of beams.
+    pub fn len(&self) -> usize {
+        self.cos.len()
+    }
+
+    /// Whether there is no beam.
+    pub fn is_empty(&self) -> bool {
+        self.cos.is_empty()
+    }
+}
+
+/// End points of a scan and its clusters; reused from scan to scan.
+#[derive(Debug, Clone, Default)]
+pub struct ScanClusters {
+    /// End points in the frame of the scan, m.
+    pub points: Vec<[f32; 2]>,
+    /// Ranges, m.
+    pub ranges: Vec<f32>,
+    /// The clusters, by their first beam. One that crosses the seam is the last.
+    pub clusters: Vec<Cluster>,
+}
+
+/// Memory of the encoder: the two newest scans.
+#[derive(Debug, Clone, Default)]
+pub struct ClusterScratch {
+    pub(super) before: ScanClusters,
+    pub(super) now: ScanClusters,
+    pub(super) is_track: Vec<bool>,
+}
+
+impl ScanClusters {
+    /// Reads a scan, given as an observation row holds it (range/10 − ½).
+    ///
+    /// # Panics
+    ///
+    /// If the scan has another number of beams.
+    pub fn read(&mut self, beams: &Beams, scan: &[f32]) {
+        let n = beams.len();
+        assert_eq!(scan.len(), n, "beams of a scan");
+        self.ranges.clear();
+        self.ranges.extend(scan.iter().map(|reading| (reading + 0.5) * 10.0));
+        self.points.clear();
+        let ends = self.ranges.iter().zip(&beams.cos).zip(&beams.sin);
+        self.points.extend(ends.map(|((r, cos), sin)| [r * cos, r * sin]));
+        self.clusters.clear();
+        let points = &self.points;
+        let met = |beam: usize| scan[beam] < NOTHING;
+        let joined = |a: usize, b: usize| met(a) && met(b) && distance_sq(points[a], points[b]) <= GAP * GAP;
+        // Where a cluster certainly begins; if all beams are one cluster, the circle is cut at the seam.
+        let seam = (0..n).find(|beam| !joined((beam + n - 1) % n, *beam)).unwrap_or(0);
+        let mut run: Option<(usize, usize)> = None;
+        for step in 0..n {
+            let beam = (seam + step) % n;
+            if !met(beam) {
+                self.clusters.extend(run.take().map(|run| self.cluster(run)));
+                continue;
+            }
+            run = match run {
+                Some((first, count)) if joined((beam + n - 1) % n, beam) => Some((first, count + 1)),
+                other => {
+                    let ended = other.map(|run| self.cluster(run));
+                    self.clusters.extend(ended);
+                    Some((beam, 1))
+                }
+            };
+        }
+        let ended = run.map(|run| self.cluster(run));
+        self.clusters.extend(ended);
+    }
+
+    fn cluster(&self, (first, n): (usize, usize)) -> Cluster {
+        let total = self.points.len();
+        let mut sum = [0.0_f32; 2];
+        let (mut nearest, mut size_sq) = (f32::INFINITY, 0.0_f32);
+        for step in 0..n {
+            let beam = (first + step) % total;
+            let [x, y] = self.points[beam];
+            sum = [sum[0] + x, sum[1] + y];
+            nearest = nearest.min(self.ranges[beam]);
+            size_sq = size_sq.max(distance_sq(self.points[first], [x, y]));
+        }
+        let scale = 1.0 / n as f32;
+        Cluster { first, n, centre: [sum[0] * scale, sum[1] * scale], nearest, size: size_sq.sqrt() }
+    }
+}
+
+/// Squared distance of two points.
+#[inline]
+pub(super) fn distance_sq([ax, ay]: [f32; 2], [bx, by]: [f32; 2]) -> f32 {
+    let (x, y) = (ax - bx, ay - by);
+    x * x + y * y
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(ranges: &[f32]) -> ScanClusters {
+        let scan: Vec<f32> = ranges.iter().map(|r| r / 10.0 - 0.5).collect();
+        let mut clusters = ScanClusters::default();
+        clusters.read(&Beams::new(ranges.len()), &scan);
+        clusters
+    }
+
+    fn runs(clusters: &ScanClusters) -> Vec<(usize, usize)> {
+        clusters.clusters.iter().map(|c| (c.first, c.n)).collect()
+    }
+
+    #[test]
+    fn nothing_in_reach_is_no_cluster() {
+        assert!(read(&[10.0; 64]).clusters.is_empty());
+    }
+
+    #[test]
+    fn a_gap_parts_and_a_miss_parts() {
+        let mut ranges = [10.0; 64];
+        ranges[10..14].fill(2.0);
+        ranges[14..17].fill(3.0);
+        ranges[20..22].fill(2.0);
+        assert_eq!(runs(&read(&ranges)), [(10, 4), (14, 3), (20, 2)]);
+    }
+
+    #[test]
+    fn a_cluster_runs_across_the_seam() {
+        let mut ranges = [10.0; 64];
+        ranges[62..].fill(1.0);
+        ranges[..3].fill(1.0);
+        ranges[30] = 4.0;
+        let found = read(&ranges);
+        assert_eq!(runs(&found), [(30, 1), (62, 5)]);
+        let [x, y] = found.clusters[1].centre;
+        // Beams −2 … 2 at 1 m: symmetric around straight ahead.
+        let cos = |i: f64| (i * TAU / 64.0).cos();
+        let expected = (1.0 + 2.0 * cos(1.0) + 2.0 * cos(2.0)) / 5.0;
+        assert!((f64::from(x) - expected).abs() < 1e-6 && y.abs() < 1e-6, "{x} {y}");
+    }
+
+    #[test]
+    fn a_circle_around_the_robot_is_one_cluster() {
+        let found = read(&[2.0; 64]);
+        assert_eq!(runs(&found), [(0, 64)]);
+        assert!(
+            (found.clusters[0].size - 4.0).abs() < 1e-5,
+            "its two ends lie side by side, and it is large"
+        );
+    }
+}

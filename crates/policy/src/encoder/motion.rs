@@ -1,0 +1,235 @@
+//! Inputs in which the motion of things is explicit: bodies with their velocities, and when each way would meet them.
+//!
+//! From the observation row alone: clusters of the newest scan that are small enough to be bodies are matched with those
+//! of the scan before, which the row's (v, ω) carries into the frame of now (a velocity acts for one step at once, so this
+//! odometry is exact). A network that reads raw scans must learn all of that from pixels; the study (docs/study.md) shows
+//! what that costs.
+//!
+//! | inputs | what |
+//! |---|---|
+//! | 32 | closeness 1/(½ + r) of the nearest return in each sector of 16 beams (for 512) |
+//! | 48 | urgency of each path of [`paths`](super::paths): 1 − t/[`HORIZON`] for the time t to the first body or wall on it, else 0 |
+//! | 24 | the full-speed ones again, counted from the goal's direction |
+//! | 1 | urgency of standing still |
+//! | 6 × 7 | the six nearest bodies: 1, x/5, y/5, closeness, velocity (m/s), approach speed; zeros where there is none |
+//! | 4 | the goal: distance/10, min(distance, 2)/2, cosine and sine of its direction |
+//! | 2 | v and ω |
+
+use serde::{Deserialize, Serialize};
+
+use super::clusters::{Beams, Cluster, ClusterScratch, SIZE_MAX, ScanClusters, distance_sq};
+use super::paths::{DIRECTIONS, FREE, HORIZON, Meetings, PATHS, Paths, STEPS};
+use crate::observation::TAIL_LEN;
+
+/// Sectors of the scan.
+const SECTORS: usize = 32;
+/// Bodies listed one by one.
+const TRACKS: usize = 6;
+/// Values of a listed body.
+const TRACK_LEN: usize = 7;
+/// Length of an input row.
+pub const INPUT_LEN: usize = SECTORS + PATHS + DIRECTIONS + 1 + TRACKS * TRACK_LEN + 4 + 2;
+
+/// A cluster of the scan before is the same body if it is nearer than this, m: 2.5 m/s at 0.1 s.
+const MATCH: f32 = 0.25;
+/// A centre of mass behind the visible points of a body of 0.5 m, m.
+const DEPTH: f32 = 0.2;
+/// Centres nearer than this have crashed: the crash range and the body's half width, m.
+const BODY_RADIUS: f32 = 0.8;
+/// Returns of walls nearer than this have crashed, m, with a little room.
+const WALL_RADIUS: f32 = 0.55;
+/// Returns of walls beyond this are met by no path that matters, m.
+const WALL_REACH: f32 = 4.0;
+/// Fewer beams than this share of a body's expected number make no body: specks of walls seen at a grazing angle.
+const FEWEST_SHARE: f32 = 0.35;
+
+/// What the motion encoder must know of the robot.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MotionInputs {
+    /// Control period, s.
+    pub dt: f32,
+    /// Largest linear velocity, m/s.
+    pub v_max: f32,
+    /// Largest angular velocity, rad/s.
+    pub w_max: f32,
+}
+
+/// A body that was seen in the newest scan.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Track {
+    /// Mean of its visible points in the robot's frame, m.
+    pub centre: [f32; 2],
+    /// Its velocity over ground, in the robot's frame, m/s; 0 where it was not seen in the scan before.
+    pub velocity: [f32; 2],
+    /// Least range, m.
+    pub nearest: f32,
+}
+
+/// The encoder's tables.
+#[derive(Debug, Clone)]
+pub struct MotionEncoder {
+    inputs: MotionInputs,
+    beams: Beams,
+    paths: Paths,
+}
+
+impl MotionEncoder {
+    /// For scans of `beams` beams over the full circle.
+    pub fn new(inputs: &MotionInputs, beams: usize) -> Self {
+        Self { inputs: *inputs, beams: Beams::new(beams), paths: Paths::new(inputs.v_max, inputs.w_max) }
+    }
+
+    /// Encodes one row (see the module).
+    pub(super) fn encode(&self, observation: &[f32], scratch: &mut ClusterScratch, input: &mut [f32]) {
+        let tail = &observation[observation.len() - TAIL_LEN..];
+        let &[goal_x, goal_y, v, w] = tail else { unreachable!("a tail of four values") };
+        let mut found = [Track { centre: [0.0; 2], velocity: [0.0; 2], nearest: 0.0 }; MAX_TRACKS];
+        let n_tracks = self.tracks(observation, scratch, &mut found);
+        let tracks = &found[..n_tracks];
+        let (sectors, rest) = input.split_at_mut(SECTORS);
+        let (urgencies, rest) = rest.split_at_mut(PATHS);
+        let (from_goal, rest) = rest.split_at_mut(DIRECTIONS);
+        let (standing, rest) = rest.split_at_mut(1);
+        let (listed, rest) = rest.split_at_mut(TRACKS * TRACK_LEN);
+
+        self.write_sectors(&scratch.now, sectors);
+        let mut meetings: Meetings = [FREE; PATHS];
+        for track in tracks {
+            self.paths.meet(body_centre(track), track.velocity, BODY_RADIUS, &mut meetings);
+        }
+        self.meet_walls(scratch, &mut meetings);
+        for (to, meeting) in urgencies.iter_mut().zip(meetings) {
+            *to = (FREE - meeting) / STEPS as f32;
+        }
+        let distance = (goal_x * goal_x + goal_y * goal_y).sqrt();
+        let (cos, sin) = if distance > 1e-6 { (goal_x / distance, goal_y / distance) } else { (1.0, 0.0) };
+        turn_to(libm::atan2f(sin, cos), &urgencies[..DIRECTIONS], from_goal);
+        standing[0] = tracks.iter().map(standing_urgency).fold(0.0, f32::max);
+        listed.fill(0.0);
+        for (to, track) in listed.chunks_exact_mut(TRACK_LEN).zip(tracks) {
+            write_track(track, [v, 0.0], to);
+        }
+        rest.copy_from_slice(&[distance / 10.0, distance.min(2.0) / 2.0, cos, sin, v, w]);
+    }
+
+    /// The bodies of the newest scan, nearest first; returns their number.
+    pub fn tracks(
+        &self,
+        observation: &[f32],
+        scratch: &mut ClusterScratch,
+        found: &mut [Track; MAX_TRACKS],
+    ) -> usize {
+        let n = self.beams.len();
+        let newest = observation.len() - TAIL_LEN - n;
+        let ClusterScratch { before, now, is_track } = scratch;
+        before.read(&self.beams, &observation[newest - n..newest]);
+        now.read(&self.beams, &observation[newest..newest + n]);
+        let &[_, _, v, w] = &observation[newest + n..] else { unreachable!("a tail of four values") };
+        let dt = self.inputs.dt;
+        let (sin, cos) = libm::sincosf(-w * dt);
+        // The robot drives along its old heading, then turns.
+        let carried = |[x, y]: [f32; 2]| {
+            let x = x - v * dt;
+            [x * cos - y * sin, x * sin + y * cos]
+        };
+        is_track.clear();
+        let mut count = 0;
+        for cluster in &now.clusters {
+            let is_body = self.is_body(cluster);
+            is_track.push(is_body);
+            if !is_body || count == MAX_TRACKS {
+                continue;
+            }
+            let bodies = before.clusters.iter().filter(|c| self.is_body(c)).map(|c| carried(c.centre));
+            let nearest = bodies
+                .map(|centre| (distance_sq(centre, cluster.centre), centre))
+                .filter(|(d, _)| *d <= MATCH * MATCH)
+                .min_by(|a, b| a.0.total_cmp(&b.0));
+            let velocity = nearest
+                .map_or([0.0; 2], |(_, [x, y])| [(cluster.centre[0] - x) / dt, (cluster.centre[1] - y) / dt]);
+            found[count] = Track { centre: cluster.centre, velocity, nearest: cluster.nearest };
+            count += 1;
+        }
+        found[..count].sort_by(|a, b| a.nearest.total_cmp(&b.nearest));
+        count
+    }
+
+    /// Whether a cluster may be a body: small, and of enough beams for its distance.
+    fn is_body(&self, cluster: &Cluster) -> bool {
+        let spacing = std::f32::consts::TAU / self.beams.len() as f32;
+        let expected = 0.5 / (cluster.nearest.max(0.1) * spacing);
+        cluster.size <= SIZE_MAX && cluster.n as f32 >= (FEWEST_SHARE * expected).max(2.0)
+    }
+
+    fn write_sectors(&self, now: &ScanClusters, sectors: &mut [f32]) {
+        let n = self.beams.len();
+        for (sector, to) in sectors.iter_mut().enumerate() {
+            let (from, end) = (sector * n / SECTORS, (sector + 1) * n / SECTORS);
+            let nearest = now.ranges[from..end].iter().copied().fold(f32::INFINITY, f32::min);
+            *to = 1.0 / (0.5 + nearest);
+        }
+    }
+
+    /// Everything that is no body stands still; of each run of eight beams the nearest return counts.
+    fn meet_walls(&self, scratch: &ClusterScratch, meetings: &mut Meetings) {
+        let (now, n) = (&scratch.now, self.beams.len());
+        let walls =
+            now.clusters.iter().zip(&scratch.is_track).filter(|(c, is)| !**is && c.nearest < WALL_REACH);
+        for (cluster, _) in walls {
+            for from in (0..cluster.n).step_by(8) {
+                let beams = (from..cluster.n.min(from + 8)).map(|step| (cluster.first + step) % n);
+                let nearest =
+                    beams.min_by(|a, b| now.ranges[*a].total_cmp(&now.ranges[*b])).expect("a run has a beam");
+                if now.ranges[nearest] < WALL_REACH {
+                    self.paths.meet(now.points[nearest], [0.0; 2], WALL_RADIUS, meetings);
+                }
+            }
+        }
+    }
+}
+
+/// Most bodies that are followed in one scan.
+pub const MAX_TRACKS: usize = 32;
+
+/// The body's centre, behind what is seen of it.
+fn body_centre(track: &Track) -> [f32; 2] {
+    let [x, y] = track.centre;
+    let scale = 1.0 + DEPTH / (x * x + y * y).sqrt().max(0.1);
+    [x * scale, y * scale]
+}
+
+/// 1 − t/[`HORIZON`] for the time t until a body comes within [`BODY_RADIUS`] of a robot that stands still, else 0.
+fn standing_urgency(track: &Track) -> f32 {
+    let ([x, y], [vx, vy]) = (body_centre(track), track.velocity);
+    let (c, speed_sq) = (x * x + y * y - BODY_RADIUS * BODY_RADIUS, vx * vx + vy * vy);
+    if c <= 0.0 {
+        return 1.0;
+    }
+    let b = x * vx + y * vy;
+    let discriminant = b * b - speed_sq * c;
+    if b >= 0.0 || discriminant < 0.0 || speed_sq == 0.0 {
+        return 0.0;
+    }
+    let time = (-b - discriminant.sqrt()) / speed_sq;
+    (1.0 - time / HORIZON).max(0.0)
+}
+
+fn write_track(track: &Track, own: [f32; 2], to: &mut [f32]) {
+    let ([x, y], [vx, vy]) = (track.centre, track.velocity);
+    let distance = (x * x + y * y).sqrt().max(0.1);
+    let approach = ((own[0] - vx) * x + (own[1] - vy) * y) / distance;
+    to.copy_from_slice(&[1.0, x / 5.0, y / 5.0, 1.0 / (0.5 + track.nearest), vx, vy, approach]);
+}
+
+/// Values around the circle, counted anew from `angle` (rad), between the two nearest of them.
+fn turn_to(angle: f32, around: &[f32], turned: &mut [f32]) {
+    let n = around.len();
+    let at = (angle / std::f32::consts::TAU).rem_euclid(1.0) * n as f32;
+    let (whole, part) = (at.floor(), at - at.floor());
+    let whole = whole as usize;
+    for (i, to) in turned.iter_mut().enumerate() {
+        let (a, b) = (around[(whole + i) % n], around[(whole + i + 1) % n]);
+        *to = a + part * (b - a);
+    }
+}

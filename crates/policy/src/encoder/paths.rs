@@ -1,0 +1,148 @@
+//! Where the robot can be: one path for each direction and speed, and when something is met on it.
+//!
+//! A path turns towards its direction at the largest turning rate and goes on straight; while it turns, its speed is that of
+//! the path times the cosine of what is left to turn (0 beyond a right angle). All paths are fixed in the robot's frame.
+
+use std::f64::consts::{PI, TAU};
+
+/// Directions of the paths, evenly spaced; the first is straight ahead.
+pub const DIRECTIONS: usize = 24;
+/// Speeds of the paths as shares of the largest.
+pub const SPEEDS: [f64; 2] = [1.0, 0.5];
+/// Number of paths; path `speed · DIRECTIONS + direction`.
+pub const PATHS: usize = DIRECTIONS * SPEEDS.len();
+/// Points on a path.
+pub const STEPS: usize = 18;
+/// Time between two points, s.
+pub const STEP: f64 = 0.25;
+/// Time that paths look ahead, s.
+pub const HORIZON: f32 = (STEPS as f64 * STEP) as f32;
+/// Length of an Euler step of the turning part, s.
+const FINE: f64 = 0.05;
+
+/// The points of all paths.
+#[derive(Debug, Clone)]
+pub struct Paths {
+    x: Box<[[f32; PATHS]; STEPS]>,
+    y: Box<[[f32; PATHS]; STEPS]>,
+}
+
+/// When each path first meets something, in steps (1 to [`STEPS`]); [`FREE`] where it meets nothing.
+pub type Meetings = [f32; PATHS];
+
+/// A path that meets nothing within its horizon.
+pub const FREE: f32 = (STEPS + 1) as f32;
+
+impl Paths {
+    /// Paths of a robot with these limits, m/s and rad/s.
+    pub fn new(v_max: f32, w_max: f32) -> Self {
+        let (mut x, mut y) = (Box::new([[0.0; PATHS]; STEPS]), Box::new([[0.0; PATHS]; STEPS]));
+        for path in 0..PATHS {
+            let speed = SPEEDS[path / DIRECTIONS] * f64::from(v_max);
+            let points = points(direction(path % DIRECTIONS), speed, f64::from(w_max));
+            for (step, [px, py]) in points.into_iter().enumerate() {
+                (x[step][path], y[step][path]) = (px as f32, py as f32);
+            }
+        }
+        Self { x, y }
+    }
+
+    /// Brings in a disc that moves in a straight line: paths that come within `radius` of its centre meet it.
+    ///
+    /// `centre` (m) and `velocity` (m/s) are in the robot's frame as it is now, which stays.
+    pub fn meet(&self, centre: [f32; 2], velocity: [f32; 2], radius: f32, meetings: &mut Meetings) {
+        let radius_sq = radius * radius;
+        for step in 0..STEPS {
+            let time = (step + 1) as f32 * STEP as f32;
+            let (cx, cy) = (centre[0] + velocity[0] * time, centre[1] + velocity[1] * time);
+            let (xs, ys) = (&self.x[step], &self.y[step]);
+            let mark = (step + 1) as f32;
+            for ((meeting, x), y) in meetings.iter_mut().zip(xs).zip(ys) {
+                let (dx, dy) = (x - cx, y - cy);
+                let found = if dx * dx + dy * dy < radius_sq { mark } else { FREE };
+                *meeting = if found < *meeting { found } else { *meeting };
+            }
+        }
+    }
+}
+
+/// The angle of a direction, in (−π, π].
+fn direction(index: usize) -> f64 {
+    let angle = TAU * index as f64 / DIRECTIONS as f64;
+    if angle > PI { angle - TAU } else { angle }
+}
+
+/// The points of one path.
+fn points(direction: f64, speed: f64, w_max: f64) -> [[f64; 2]; STEPS] {
+    let mut found = [[0.0; 2]; STEPS];
+    let (mut x, mut y, mut heading) = (0.0_f64, 0.0_f64, 0.0_f64);
+    let fine_steps = (STEP / FINE).round() as usize;
+    for point in &mut found {
+        for _ in 0..fine_steps {
+            let left = direction - heading;
+            let v = speed * libm::cos(left).max(0.0);
+            x += v * libm::cos(heading) * FINE;
+            y += v * libm::sin(heading) * FINE;
+            heading += left.clamp(-w_max * FINE, w_max * FINE);
+        }
+        *point = [x, y];
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ALL_FREE: Meetings = [FREE; PATHS];
+
+    #[test]
+    fn straight_ahead_is_straight() {
+        let points = points(0.0, 1.0, 1.0);
+        assert!((points[3][0] - 1.0).abs() < 1e-12 && points[3][1] == 0.0);
+    }
+
+    #[test]
+    fn behind_is_reached_by_turning_first() {
+        let [x, y] = points(PI, 1.0, 1.0)[5];
+        assert!(x.abs() < 1e-6 && y.abs() < 1e-6, "1.5 s are spent turning on the spot: {x} {y}");
+    }
+
+    #[test]
+    fn a_standing_disc_is_met_when_it_is_reached() {
+        let paths = Paths::new(1.0, 1.0);
+        let mut meetings = ALL_FREE;
+        paths.meet([2.0, 0.0], [0.0, 0.0], 0.8, &mut meetings);
+        // Straight on at 1 m/s the rim, 1.2 m ahead, is passed at 1.25 s; at half speed at 2.5 s; backwards never.
+        assert_eq!((meetings[0], meetings[DIRECTIONS], meetings[DIRECTIONS / 2]), (5.0, 10.0, FREE));
+    }
+
+    #[test]
+    fn one_that_crosses_is_met_where_it_will_be() {
+        let paths = Paths::new(1.0, 1.0);
+        let mut meetings = ALL_FREE;
+        // From the left, 2 m ahead: both are at (2, 0) after 2 s.
+        paths.meet([2.0, 2.0], [0.0, -1.0], 0.5, &mut meetings);
+        let met = meetings[0] * STEP as f32;
+        assert!((1.4..=2.0).contains(&met), "{met}");
+        // Had it stood still, straight on would be free.
+        let mut standing = ALL_FREE;
+        paths.meet([2.0, 2.0], [0.0, 0.0], 0.5, &mut standing);
+        assert_eq!(standing[0], FREE);
+    }
+
+    #[test]
+    fn left_and_right_mirror_each_other() {
+        let paths = Paths::new(1.0, 1.0);
+        let (mut left, mut right) = (ALL_FREE, ALL_FREE);
+        paths.meet([1.5, 1.0], [-0.5, 0.25], 0.8, &mut left);
+        paths.meet([1.5, -1.0], [-0.5, -0.25], 0.8, &mut right);
+        for (path, meeting) in left.iter().enumerate() {
+            let mirrored = path / DIRECTIONS * DIRECTIONS + (DIRECTIONS - path % DIRECTIONS) % DIRECTIONS;
+            // Straight back is turned to the left by either.
+            if path % DIRECTIONS != DIRECTIONS / 2 {
+                assert_eq!(*meeting, right[mirrored], "path {path}");
+            }
+        }
+    }
+}
