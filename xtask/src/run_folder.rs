@@ -16,10 +16,20 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
 
-const CONFIG: &str = "config.toml";
-const LATEST: &str = "latest";
+use jostle_runs::folder::{CHECKPOINTS, CONFIG, LATEST, checkpoint_name};
+pub(crate) use jostle_runs::folder::{checkpoint_path, is_run_folder};
+
 const LOCK: &str = "lock";
-const CHECKPOINTS: &str = "checkpoints";
+
+/// The newest complete checkpoint of the run in `folder`, by its `latest` file.
+pub(crate) fn latest_checkpoint(folder: &Path) -> Result<PathBuf> {
+    Ok(jostle_runs::folder::latest_checkpoint(folder)?)
+}
+
+/// The text of a file, or `None` where there is none.
+pub(crate) fn read_optional(path: &Path) -> Result<Option<String>> {
+    Ok(jostle_runs::folder::read_optional(path)?)
+}
 
 /// A locked run folder.
 pub(crate) struct RunFolder {
@@ -88,24 +98,6 @@ impl RunFolder {
     }
 }
 
-/// Where the checkpoint after `update` updates of the run in `folder` belongs.
-pub(crate) fn checkpoint_path(folder: &Path, update: u64) -> PathBuf {
-    folder.join(CHECKPOINTS).join(checkpoint_name(update))
-}
-
-/// The newest complete checkpoint of the run in `folder`, by its `latest` file.
-pub(crate) fn latest_checkpoint(folder: &Path) -> Result<PathBuf> {
-    let Some(name) = read_optional(&folder.join(LATEST))? else {
-        bail!("{} holds no finished checkpoint (no file `{LATEST}`)", folder.display());
-    };
-    Ok(folder.join(CHECKPOINTS).join(name.trim()))
-}
-
-/// True where `folder` looks like a training run's.
-pub(crate) fn is_run_folder(folder: &Path) -> bool {
-    folder.join(CONFIG).is_file() && folder.join(CHECKPOINTS).is_dir()
-}
-
 /// Replaces a small file so that a reader sees the old text or the new one, never a part.
 pub(crate) fn write_atomically(path: &Path, text: &str) -> Result<()> {
     write_bytes_atomically(path, text.as_bytes())
@@ -127,19 +119,6 @@ pub(crate) fn write_bytes_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
         // The first error is the one to report; there may be no temporary file at all.
         let _ = fs::remove_file(&temporary);
     })
-}
-
-/// The text of a file, or `None` where there is none.
-pub(crate) fn read_optional(path: &Path) -> Result<Option<String>> {
-    match fs::read_to_string(path) {
-        Ok(text) => Ok(Some(text)),
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
-        Err(error) => Err(error).with_context(|| format!("cannot read {}", path.display())),
-    }
-}
-
-fn checkpoint_name(update: u64) -> String {
-    format!("{update:06}.safetensors")
 }
 
 fn list_checkpoints(folder: &Path) -> Result<Vec<(u64, PathBuf)>> {
