@@ -3,7 +3,7 @@
 //! All steps that build use the release profile, so that a cold machine builds the dependencies once for checking and
 //! once for running. Every tool's own output stays visible; each step ends with one line of ours, with its time.
 //!
-//! What needs more than Rust is asked for by name (`--web`, `--python`) and then runs alone. The book needs mdBook, which cargo
+//! What needs more than Rust is asked for by name (`--web`, `--python`, `--slurm`) and then runs alone. The book needs mdBook, which cargo
 //! installs once; where that cannot be had, the step is skipped and says so: what the book claims is tested anyway.
 
 use std::path::Path;
@@ -16,14 +16,14 @@ use clap::Args;
 use crate::progress::clock;
 use crate::provenance::workspace;
 use crate::tools::MDBOOK;
-use crate::{browser, output, python};
+use crate::{browser, cluster, output, python};
 
 /// Arguments of `ci`.
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  cargo xtask ci\n  cargo xtask ci --keep-going\n  cargo xtask ci --python\n  \
     cargo xtask ci --web --book\n\n\
-    Without --web, --book and --python: format, lints, documentation, tests, doctests, book. With them: these checks alone."
+    Without --web, --book, --slurm and --python: format, lints, documentation, tests, doctests, book. With them: these checks alone."
 )]
 #[expect(clippy::struct_excessive_bools, reason = "each is a flag of the command line")]
 pub(crate) struct CiArgs {
@@ -40,6 +40,10 @@ pub(crate) struct CiArgs {
     /// it cannot be.
     #[arg(long)]
     book: bool,
+    /// Start a Slurm of two nodes on this machine, kill one of them in the middle of a sweep, and compare every file with those
+    /// of a local sweep. Needs Slurm, munge and unshare (root); on Debian they are installed.
+    #[arg(long)]
+    slurm: bool,
 }
 
 /// A step that calls cargo.
@@ -140,6 +144,9 @@ fn checks(args: &CiArgs) -> Vec<Check<'static>> {
     }
     if args.book {
         checks.push(("book", Box::new(|| Ok(told(&MDBOOK.find().and_then(|mdbook| build_book(&mdbook)))))));
+    }
+    if args.slurm {
+        checks.push(("slurm", Box::new(|| Ok(told(&cluster::check())))));
     }
     if args.python {
         let steps = python::STEPS.iter();

@@ -7,7 +7,7 @@ use clap::{Parser, Subcommand};
 
 use crate::{
     behaviours, bench, chaos, ci, compare, config, conformance, demo, doctor, evaluate, fuzz, milestones,
-    output, play, plot, replay, reproduce, runs, ship, tensorboard, train, verify,
+    output, play, plot, replay, reproduce, runs, ship, sweep, tensorboard, train, verify,
 };
 
 /// Exit status of a command line that cannot be read.
@@ -30,6 +30,8 @@ struct Cli {
 pub(crate) enum Command {
     /// Train a policy with Algorithm 1 into a run folder.
     Train(train::TrainArgs),
+    /// Train many runs by a plan: configurations times seeds, resumable, with one table of results.
+    Sweep(sweep::SweepArgs),
     /// Test a checkpoint among crowds that it never met.
     Evaluate(evaluate::EvaluateArgs),
     /// Print the paper's tables, figures and claims beside our own: from shipped policies, or trained from nothing.
@@ -77,6 +79,7 @@ impl Command {
     pub(crate) fn run(self) -> Result<ExitCode> {
         match self {
             Self::Train(args) => train::run(&args),
+            Self::Sweep(args) => sweep::run(&args),
             Self::Evaluate(args) => evaluate::run(&args),
             Self::Reproduce(args) => reproduce::run(&args),
             Self::Ship(args) => ship::run(&args),

@@ -9,7 +9,9 @@ use clap::Args;
 use jostle_eval::config::EvalConfig;
 use jostle_eval::protocol::Protocol;
 use jostle_eval::report::{CellTiming, Evaluation, timings_csv};
+use jostle_eval::room::RoomPlan;
 use jostle_peds::CrowdKind;
+use jostle_sim::SimConfig;
 
 use crate::cells::Cell;
 use crate::run_folder::write_atomically;
@@ -54,21 +56,21 @@ pub(crate) struct EvaluateArgs {
     threads: Option<NonZeroUsize>,
 }
 
-/// Tests as the arguments say.
+/// Tests as the arguments say and prints the result.
 pub(crate) fn run(args: &EvaluateArgs) -> Result<ExitCode> {
-    if args.episodes == 0 {
-        bail!("--episodes: found 0, expected at least 1");
-    }
-    let crowds = args.crowds.iter().map(|name| name.parse()).collect::<Result<Vec<CrowdKind>, _>>()?;
     threads::set(args.threads)?;
+    let evaluation = evaluate(args)?;
+    output::note(&format!("records and reports: {}", args.out.display()));
+    output::result(&evaluation.text())?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Tests as the arguments say, on the threads that there are, and writes records and reports.
+pub(crate) fn evaluate(args: &EvaluateArgs) -> Result<Evaluation> {
+    let crowds = args.crowds()?;
     let policy = policies::load(&policies::checkpoint(&args.checkpoint)?)?;
-    let config = EvalConfig {
-        sim: policy.sim_config()?,
-        n_agents: args.agents.unwrap_or(policy.file.provenance.n_agents as usize),
-        seed: args.seed,
-        ..EvalConfig::default()
-    };
-    let protocol = Protocol::new(config, policies::pools(&args.pool, &args.pool_half, &crowds)?)?;
+    let trained_with = policy.file.provenance.n_agents as usize;
+    let protocol = args.protocol(policy.sim_config()?, trained_with, &crowds)?;
     let cell = |crowd| Cell { protocol: &protocol, policy: &policy, token: args.token, crowd };
     for &crowd in &crowds {
         cell(crowd).check()?;
@@ -85,8 +87,37 @@ pub(crate) fn run(args: &EvaluateArgs) -> Result<ExitCode> {
     let n_agents = protocol.config().n_agents;
     let evaluation = Evaluation { policy: policy.identity.clone(), token: args.token, n_agents, cells };
     store(args, &evaluation, &timings)?;
-    output::result(&evaluation.text())?;
-    Ok(ExitCode::SUCCESS)
+    Ok(evaluation)
+}
+
+impl EvaluateArgs {
+    /// Refuses what would stop the evaluation of a policy that is trained with these settings.
+    pub(crate) fn check(&self, sim: &SimConfig, trained_with: usize) -> Result<()> {
+        let crowds = self.crowds()?;
+        let protocol = self.protocol(sim.clone(), trained_with, &crowds)?;
+        crowds.iter().try_for_each(|&crowd| {
+            protocol.crowd(&RoomPlan::new(protocol.config(), crowd)?)?;
+            Ok(())
+        })
+    }
+
+    fn crowds(&self) -> Result<Vec<CrowdKind>> {
+        if self.episodes == 0 {
+            bail!("--episodes: found 0, expected at least 1");
+        }
+        Ok(self.crowds.iter().map(|name| name.parse()).collect::<Result<_, _>>()?)
+    }
+
+    /// The episodes for a policy that was trained in rooms like `sim` with so many agents.
+    fn protocol(&self, sim: SimConfig, trained_with: usize, crowds: &[CrowdKind]) -> Result<Protocol> {
+        let config = EvalConfig {
+            sim,
+            n_agents: self.agents.unwrap_or(trained_with),
+            seed: self.seed,
+            ..EvalConfig::default()
+        };
+        Ok(Protocol::new(config, policies::pools(&self.pool, &self.pool_half, crowds)?)?)
+    }
 }
 
 /// Writes the evaluation beside its records.
@@ -99,6 +130,5 @@ fn store(args: &EvaluateArgs, evaluation: &Evaluation, timings: &[CellTiming]) -
     if !timings.is_empty() {
         write_atomically(&path("seconds.csv"), &timings_csv(timings))?;
     }
-    output::note(&format!("records and reports: {}", args.out.display()));
     Ok(())
 }

@@ -3,7 +3,7 @@
 //! Results go to standard output; progress and messages to standard error. An error is one line and a non-zero exit.
 //!
 //! Reading order: [`cli`] (what can be asked for), [`train`] and [`run_folder`] (a run and its folder), [`evaluate`],
-//! [`reproduce`] (the paper's tables), [`ship`] and [`verify`] (what the repository holds of them), [`conformance`] (our code against recorded results of other software), [`mod@bench`] (how
+//! [`sweep`] (many runs by one plan), [`reproduce`] (the paper's tables), [`ship`] and [`verify`] (what the repository holds of them), [`conformance`] (our code against recorded results of other software), [`mod@bench`] (how
 //! fast it all is), [`ci`].
 //!
 //! What a person looks at: [`demo`] and [`replay`] (episodes on a page), [`play`] (a policy in real time), [`plot`]
@@ -19,6 +19,7 @@ mod cells;
 mod chaos;
 mod ci;
 mod cli;
+mod cluster;
 mod compare;
 mod config;
 mod conformance;
@@ -40,6 +41,7 @@ mod reproduce;
 mod run_folder;
 mod runs;
 mod ship;
+mod sweep;
 mod tensorboard;
 mod threads;
 mod tools;

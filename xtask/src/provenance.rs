@@ -3,8 +3,16 @@
 use std::path::Path;
 use std::process::Command;
 
-/// The commit of the work tree, with `-dirty` when tracked files differ from it; `unknown` outside a checkout.
+/// The variable that names the commit in the environment of runs that are started by something else: the sources may have
+/// changed since.
+pub(crate) const COMMIT: &str = "JOSTLE_COMMIT";
+
+/// The commit of the work tree, with `-dirty` when tracked files differ from it; `unknown` outside a checkout. What
+/// [`COMMIT`] says comes first.
 pub(crate) fn commit() -> String {
+    if let Ok(named) = std::env::var(COMMIT) {
+        return named;
+    }
     let Some(hash) = git(&["rev-parse", "--short=10", "HEAD"]) else { return "unknown".to_owned() };
     let clean =
         git(&["status", "--porcelain", "--untracked-files=no"]).is_some_and(|changes| changes.is_empty());

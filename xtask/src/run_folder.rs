@@ -4,8 +4,9 @@
 //! DIR/config.toml                  the resolved configuration
 //! DIR/log.ndjson                   one update report a line
 //! DIR/checkpoints/000500.safetensors
+//! DIR/milestones/001000000.safetensors   the policy after so many transitions, where it was asked for
 //! DIR/latest                       the file name of the newest complete checkpoint
-//! DIR/lock                         held while a process works here
+//! DIR/lock                         held while a process works here; says on which machine
 //! ```
 //!
 //! The lock is the operating system's advisory file lock: it dies with its process, also by `kill -9`.
@@ -13,23 +14,19 @@
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use anyhow::{Context as _, Result, bail};
 
-use jostle_runs::folder::{CHECKPOINTS, CONFIG, LATEST, checkpoint_name};
-pub(crate) use jostle_runs::folder::{checkpoint_path, is_run_folder};
+use crate::output::note;
 
+const CONFIG: &str = "config.toml";
+const LATEST: &str = "latest";
 const LOCK: &str = "lock";
-
-/// The newest complete checkpoint of the run in `folder`, by its `latest` file.
-pub(crate) fn latest_checkpoint(folder: &Path) -> Result<PathBuf> {
-    Ok(jostle_runs::folder::latest_checkpoint(folder)?)
-}
-
-/// The text of a file, or `None` where there is none.
-pub(crate) fn read_optional(path: &Path) -> Result<Option<String>> {
-    Ok(jostle_runs::folder::read_optional(path)?)
-}
+const CHECKPOINTS: &str = "checkpoints";
+const MILESTONES: &str = "milestones";
+/// How often a lock that another process holds is tried.
+const LOCK_INTERVAL: Duration = Duration::from_secs(1);
 
 /// A locked run folder.
 pub(crate) struct RunFolder {
@@ -38,11 +35,12 @@ pub(crate) struct RunFolder {
 }
 
 impl RunFolder {
-    /// Locks the folder at `path`, which is created if it is not there.
+    /// Locks the folder at `path`, which is created if it is not there. With `wait` the end of another process that works there
+    /// is waited for, however long that takes.
     ///
     /// # Errors
-    /// When the folder cannot be written, another process works in it, or it holds files but no run.
-    pub(crate) fn open(path: &Path) -> Result<Self> {
+    /// When the folder cannot be written, another process works in it (without `wait`), or it holds files but no run.
+    pub(crate) fn open(path: &Path, wait: bool) -> Result<Self> {
         let shown = path.display();
         fs::create_dir_all(path).with_context(|| format!("cannot create the run folder {shown}"))?;
         if !path.join(CONFIG).exists() && holds_foreign_files(path)? {
@@ -54,14 +52,27 @@ impl RunFolder {
             .write(true)
             .open(path.join(LOCK))
             .with_context(|| format!("cannot write in the run folder {shown}"))?;
-        match lock.try_lock() {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock) => bail!("another process is working in {shown}"),
-            Err(TryLockError::Error(error)) => {
-                return Err(error).with_context(|| format!("cannot lock the run folder {shown}"));
+        let mut told = false;
+        loop {
+            match lock.try_lock() {
+                Ok(()) => break,
+                Err(TryLockError::WouldBlock) if wait => {
+                    if !std::mem::replace(&mut told, true) {
+                        note(&format!("{shown}: waiting for the process that works there{}", holder(path)));
+                    }
+                    // Not `lock()`: over a network it may sleep through a lock that is lost with its machine.
+                    std::thread::sleep(LOCK_INTERVAL);
+                }
+                Err(TryLockError::WouldBlock) => {
+                    bail!("another process is working in {shown}{}", holder(path));
+                }
+                Err(TryLockError::Error(error)) => {
+                    return Err(error).with_context(|| format!("cannot lock the run folder {shown}"));
+                }
             }
         }
         remove_leftovers(path)?;
+        sign(&lock).with_context(|| format!("cannot write in the run folder {shown}"))?;
         Ok(Self { path: path.to_owned(), _lock: lock })
     }
 
@@ -92,10 +103,70 @@ impl RunFolder {
         write_atomically(&self.path.join(LATEST), &format!("{}\n", checkpoint_name(update)))
     }
 
+    /// Where the policy after `transitions` transitions belongs.
+    pub(crate) fn milestone(&self, transitions: u64) -> PathBuf {
+        milestone_path(&self.path, transitions)
+    }
+
+    /// Creates the folder of milestones.
+    pub(crate) fn create_milestones(&self) -> Result<()> {
+        let folder = self.path.join(MILESTONES);
+        fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))
+    }
+
     /// All checkpoint files, newest first. A file may still be damaged; its reader says so.
     pub(crate) fn checkpoints(&self) -> Result<Vec<(u64, PathBuf)>> {
         list_checkpoints(&self.path)
     }
+}
+
+/// Where the checkpoint after `update` updates of the run in `folder` belongs.
+pub(crate) fn checkpoint_path(folder: &Path, update: u64) -> PathBuf {
+    folder.join(CHECKPOINTS).join(checkpoint_name(update))
+}
+
+/// Where the policy after `transitions` transitions of the run in `folder` belongs.
+pub(crate) fn milestone_path(folder: &Path, transitions: u64) -> PathBuf {
+    folder.join(MILESTONES).join(format!("{transitions:09}.safetensors"))
+}
+
+/// The newest complete checkpoint of the run in `folder`, by its `latest` file.
+pub(crate) fn latest_checkpoint(folder: &Path) -> Result<PathBuf> {
+    let Some(name) = read_optional(&folder.join(LATEST))? else {
+        bail!("{} holds no finished checkpoint (no file `{LATEST}`)", folder.display());
+    };
+    Ok(folder.join(CHECKPOINTS).join(name.trim()))
+}
+
+/// Updates of the newest complete checkpoint of the run in `folder`; `None` where there is none.
+pub(crate) fn latest_update(folder: &Path) -> Result<Option<u64>> {
+    let name = read_optional(&folder.join(LATEST))?;
+    Ok(name.and_then(|name| name.trim().split_once('.').and_then(|(stem, _)| stem.parse().ok())))
+}
+
+/// Whether a process works in `folder`.
+///
+/// # Errors
+/// When the lock can be neither opened nor tested.
+pub(crate) fn is_locked(folder: &Path) -> Result<bool> {
+    let path = folder.join(LOCK);
+    match File::open(&path) {
+        // A shared lock that is given back at once: it is refused while the run's own process is alive.
+        Ok(file) => match file.try_lock_shared() {
+            Ok(()) => Ok(false),
+            Err(TryLockError::WouldBlock) => Ok(true),
+            Err(TryLockError::Error(error)) => {
+                Err(error).with_context(|| format!("cannot test {}", path.display()))
+            }
+        },
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(false),
+        Err(error) => Err(error).with_context(|| format!("cannot open {}", path.display())),
+    }
+}
+
+/// True where `folder` looks like a training run's.
+pub(crate) fn is_run_folder(folder: &Path) -> bool {
+    folder.join(CONFIG).is_file() && folder.join(CHECKPOINTS).is_dir()
 }
 
 /// Replaces a small file so that a reader sees the old text or the new one, never a part.
@@ -119,6 +190,48 @@ pub(crate) fn write_bytes_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
         // The first error is the one to report; there may be no temporary file at all.
         let _ = fs::remove_file(&temporary);
     })
+}
+
+/// Writes into a held lock who holds it.
+fn sign(mut lock: &File) -> std::io::Result<()> {
+    lock.set_len(0)?;
+    lock.write_all(format!("{} {}\n", host(), std::process::id()).as_bytes())
+}
+
+/// ` (HOST, process N)`, as the folder's lock says; nothing where it does not.
+fn holder(folder: &Path) -> String {
+    match last_holder(folder) {
+        Some((host, process)) => format!(" ({host}, process {process})"),
+        None => String::new(),
+    }
+}
+
+/// Machine and process that work in the folder, or were the last to do so.
+pub(crate) fn last_holder(folder: &Path) -> Option<(String, String)> {
+    let text = fs::read_to_string(folder.join(LOCK)).ok()?;
+    let (host, process) = text.trim().split_once(' ')?;
+    Some((host.to_owned(), process.to_owned()))
+}
+
+/// The name of this machine; a node of a cluster is called what its scheduler calls it.
+fn host() -> String {
+    let kernel = || fs::read_to_string("/proc/sys/kernel/hostname").ok();
+    let names = [std::env::var("SLURMD_NODENAME").ok(), kernel(), std::env::var("HOSTNAME").ok()];
+    let mut known = names.into_iter().flatten().map(|name| name.trim().to_owned());
+    known.find(|name| !name.is_empty() && !name.contains(' ')).unwrap_or_else(|| "unknown".to_owned())
+}
+
+/// The text of a file, or `None` where there is none.
+pub(crate) fn read_optional(path: &Path) -> Result<Option<String>> {
+    match fs::read_to_string(path) {
+        Ok(text) => Ok(Some(text)),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(error).with_context(|| format!("cannot read {}", path.display())),
+    }
+}
+
+fn checkpoint_name(update: u64) -> String {
+    format!("{update:06}.safetensors")
 }
 
 fn list_checkpoints(folder: &Path) -> Result<Vec<(u64, PathBuf)>> {
@@ -161,10 +274,9 @@ fn temporary_name(name: &str) -> String {
 /// Removes what processes that were killed left behind: they cannot be at work, as the folder is locked.
 fn remove_leftovers(path: &Path) -> Result<()> {
     let mut leftovers = vec![path.join(temporary_name(CONFIG)), path.join(temporary_name(LATEST))];
-    let checkpoints = path.join(CHECKPOINTS);
-    if checkpoints.is_dir() {
-        let cannot_list = || format!("cannot list {}", checkpoints.display());
-        for entry in fs::read_dir(&checkpoints).with_context(cannot_list)? {
+    for folder in [path.join(CHECKPOINTS), path.join(MILESTONES)].iter().filter(|folder| folder.is_dir()) {
+        let cannot_list = || format!("cannot list {}", folder.display());
+        for entry in fs::read_dir(folder).with_context(cannot_list)? {
             leftovers.push(entry.with_context(cannot_list)?.path());
         }
         leftovers.retain(|file| file.extension().is_some_and(|e| e == "tmp" || e == "partial"));
@@ -182,18 +294,18 @@ mod tests {
     #[test]
     fn a_second_process_is_kept_out_until_the_first_is_gone() {
         let folder = tempfile::tempdir().unwrap();
-        let first = RunFolder::open(folder.path()).unwrap();
-        let message = RunFolder::open(folder.path()).err().unwrap().to_string();
+        let first = RunFolder::open(folder.path(), false).unwrap();
+        let message = RunFolder::open(folder.path(), false).err().unwrap().to_string();
         assert!(message.contains("another process"), "{message}");
         drop(first);
-        RunFolder::open(folder.path()).unwrap();
+        RunFolder::open(folder.path(), false).unwrap();
     }
 
     #[test]
     fn a_folder_of_other_files_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join("thesis.tex"), "x").unwrap();
-        let message = RunFolder::open(folder.path()).err().unwrap().to_string();
+        let message = RunFolder::open(folder.path(), false).err().unwrap().to_string();
         assert!(message.contains("no run"), "{message}");
         assert!(!folder.path().join("lock").exists());
     }
@@ -203,20 +315,20 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         std::fs::create_dir(folder.path().join("checkpoints")).unwrap();
         std::fs::write(folder.path().join("config.toml.tmp"), "seed").unwrap();
-        let run = RunFolder::open(folder.path()).unwrap();
+        let run = RunFolder::open(folder.path(), false).unwrap();
         assert!(!folder.path().join("config.toml.tmp").exists());
         run.store_config("seed = 1\n").unwrap();
         drop(run);
         let partial = folder.path().join("checkpoints/.000002.safetensors.7.partial");
         std::fs::write(&partial, "x").unwrap();
-        RunFolder::open(folder.path()).unwrap();
+        RunFolder::open(folder.path(), false).unwrap();
         assert!(!partial.exists());
     }
 
     #[test]
     fn checkpoints_come_newest_first() {
         let folder = tempfile::tempdir().unwrap();
-        let run = RunFolder::open(folder.path()).unwrap();
+        let run = RunFolder::open(folder.path(), false).unwrap();
         run.store_config("seed = 1\n").unwrap();
         for update in [5, 1_000_000, 50] {
             std::fs::write(run.checkpoint(update), "").unwrap();

@@ -3,10 +3,11 @@
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, bail};
 use clap::Args;
+use jostle_policy::{PolicyFile, Precision};
 use jostle_ppo::report::EpisodeCounts;
 use jostle_ppo::{Config, Trainer};
 
@@ -23,6 +24,10 @@ const PARTS: u64 = 4;
 const NEWEST: usize = 2;
 /// Updates over which the shown success is taken.
 const RECENT: usize = 50;
+/// Minutes between checkpoints that are written whatever the number of updates, where nothing else is said.
+pub(crate) const CHECKPOINT_MINUTES: f64 = 5.0;
+/// Most minutes between two of them: a year.
+const CHECKPOINT_MINUTES_MAX: f64 = 525_600.0;
 
 /// Arguments of `train`.
 #[derive(Args)]
@@ -46,6 +51,14 @@ pub(crate) struct TrainArgs {
     /// Worker threads (default: the configuration's, else all cores). The result does not depend on it.
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
+    /// Minutes after which a checkpoint is written between those of `checkpoint_every`; it is removed when the run is
+    /// finished. What a kill can cost. 0: none.
+    #[arg(long, value_name = "M", default_value_t = CHECKPOINT_MINUTES)]
+    checkpoint_minutes: f64,
+    /// Transitions after which the policy is kept as `milestones/N.safetensors`, separated by commas; the first update that
+    /// reaches a number counts.
+    #[arg(long, value_name = "N,…", value_delimiter = ',')]
+    milestones: Vec<u64>,
 }
 
 /// Trains as the arguments say.
@@ -54,7 +67,8 @@ pub(crate) fn run(args: &TrainArgs) -> Result<ExitCode> {
     if let Some(threads) = args.threads {
         config.threads = threads;
     }
-    let outcome = train(&config, &args.out, args.resume, "train")?;
+    let care = Care::new(args.checkpoint_minutes, &args.milestones)?;
+    let outcome = train(&config, &args.out, args.resume, "train", &care)?;
     output::result(&format!(
         "{}: {} updates, {} transitions, config {}, seed {}, {}\n",
         args.out.display(),
@@ -65,6 +79,59 @@ pub(crate) fn run(args: &TrainArgs) -> Result<ExitCode> {
         outcome.describe(),
     ))?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// What is kept of a run beside the checkpoints that its configuration asks for. None of it changes the curve.
+#[derive(Clone, Debug)]
+pub(crate) struct Care {
+    /// Time after which a checkpoint is written between two of the configuration's.
+    every: Option<Duration>,
+    /// Transitions after which the policy is kept, ascending.
+    milestones: Vec<u64>,
+    /// Whether to wait where another process works in the folder, instead of failing.
+    pub(crate) wait: bool,
+}
+
+impl Default for Care {
+    /// A checkpoint every [`CHECKPOINT_MINUTES`], no milestones.
+    fn default() -> Self {
+        Self {
+            every: Some(Duration::from_secs_f64(60.0 * CHECKPOINT_MINUTES)),
+            milestones: Vec::new(),
+            wait: false,
+        }
+    }
+}
+
+impl Care {
+    /// Checkpoints every so many minutes (0: none) and policies at these numbers of transitions.
+    ///
+    /// # Errors
+    /// Minutes that are no time; a number of transitions that is 0.
+    pub(crate) fn new(minutes: f64, milestones: &[u64]) -> Result<Self> {
+        if !(0.0..=CHECKPOINT_MINUTES_MAX).contains(&minutes) {
+            bail!(
+                "--checkpoint-minutes: found {minutes}, expected a number from 0 to {CHECKPOINT_MINUTES_MAX}"
+            );
+        }
+        if milestones.contains(&0) {
+            bail!("--milestones: found 0, expected numbers of transitions of at least 1");
+        }
+        let mut milestones = milestones.to_vec();
+        milestones.sort_unstable();
+        milestones.dedup();
+        let every = (minutes > 0.0).then(|| Duration::from_secs_f64(60.0 * minutes));
+        Ok(Self { every, milestones, wait: false })
+    }
+
+    /// The milestones with the updates that reach them, as far as the run gets there.
+    fn updates<'a>(&'a self, config: &'a Config) -> impl Iterator<Item = (u64, u64)> + 'a {
+        let at = |transitions: u64| (transitions, transitions.div_ceil(config.rollout_len() as u64));
+        self.milestones
+            .iter()
+            .map(move |&transitions| at(transitions))
+            .filter(|(_, at)| *at <= config.updates)
+    }
 }
 
 /// What a call to [`train`] did.
@@ -91,8 +158,14 @@ impl Trained {
 /// # Errors
 /// When the folder holds another run, or this one and `resume` is not set; when it cannot be written; when training stops
 /// at a number that is not finite. Complete checkpoints stay as they are in all cases.
-pub(crate) fn train(config: &Config, folder: &Path, resume: bool, name: &str) -> Result<Trained> {
-    let run = RunFolder::open(folder)?;
+pub(crate) fn train(
+    config: &Config,
+    folder: &Path,
+    resume: bool,
+    name: &str,
+    care: &Care,
+) -> Result<Trained> {
+    let run = RunFolder::open(folder, care.wait)?;
     claim(&run, config, folder, resume)?;
     let mut trainer = newest_trainer(&run, config)?;
     // Only now: what cannot be trained leaves no trace in the folder.
@@ -118,13 +191,22 @@ pub(crate) fn train(config: &Config, folder: &Path, resume: bool, name: &str) ->
     if found == 0 && !run.checkpoint(0).exists() {
         save(&run, &mut trainer, config)?;
     } else if found <= config.updates {
+        keep_policies(&run, found, config, care)?;
         // A kill between a checkpoint and what follows it leaves an old `latest` and a checkpoint too many.
         settle(&run, found, config)?;
         if found > 0 && found < config.updates {
             output::note(&format!("{name}: resumed at update {found}"));
         }
     }
+    for (transitions, _) in care.updates(config).filter(|(_, at)| *at < found) {
+        if !run.milestone(transitions).exists() {
+            output::note(&format!(
+                "{name}: no policy at {transitions} transitions: the run was past them when they were first asked for"
+            ));
+        }
+    }
     let started = Instant::now();
+    let mut saved = started;
     let mut log = Log::append_to(&run.log())?;
     let mut progress = Progress::new(name, config.updates, found);
     let mut recent = Recent::default();
@@ -133,10 +215,17 @@ pub(crate) fn train(config: &Config, folder: &Path, resume: bool, name: &str) ->
         log.append(&report)?;
         recent.push(report.episodes);
         let done = updates(&trainer);
-        progress.set(done, &recent.describe());
-        if is_checkpoint(done, config) {
+        let rate = (done - found) as f64 * config.rollout_len() as f64 / started.elapsed().as_secs_f64();
+        progress.set(done, &format!("{rate:.0} transitions/s {}", recent.describe()));
+        let milestone = care.updates(config).any(|(_, at)| at == done);
+        let due = care.every.is_some_and(|every| saved.elapsed() >= every);
+        if is_planned(done, config) || milestone || due {
             log.sync()?;
-            save(&run, &mut trainer, config)?;
+            trainer.save(&run.checkpoint(done))?;
+            // Before the checkpoint counts: a run that goes on from a later one has every policy before it.
+            keep_policies(&run, done, config, care)?;
+            settle(&run, done, config)?;
+            saved = Instant::now();
         }
     }
     let made = config.updates.saturating_sub(found);
@@ -195,28 +284,51 @@ fn newest_trainer(run: &RunFolder, config: &Config) -> Result<Trainer> {
     Ok(trainer)
 }
 
-fn is_milestone(update: u64, config: &Config) -> bool {
+/// True at the end of one of a run's equal parts.
+fn is_part(update: u64, config: &Config) -> bool {
     let part = (config.updates / PARTS).max(1);
     update > 0 && (update.is_multiple_of(part) || update == config.updates / 2 || update == config.updates)
 }
 
-fn is_checkpoint(update: u64, config: &Config) -> bool {
-    update.is_multiple_of(config.checkpoint_every) || is_milestone(update, config)
+/// True where the configuration asks for a checkpoint, whatever the clock says.
+fn is_planned(update: u64, config: &Config) -> bool {
+    update.is_multiple_of(config.checkpoint_every) || is_part(update, config)
 }
 
-/// Saves the trainer and drops older checkpoints that are no milestones.
+/// Saves the trainer and drops older checkpoints.
 fn save(run: &RunFolder, trainer: &mut Trainer, config: &Config) -> Result<()> {
     let update = updates(trainer);
     trainer.save(&run.checkpoint(update))?;
     settle(run, update, config)
 }
 
-/// Names the checkpoint after `update` updates as the newest and drops older ones that are no milestones.
+/// Keeps the policies of the milestones that `update` reaches, out of the checkpoint that was written there.
+fn keep_policies(run: &RunFolder, update: u64, config: &Config, care: &Care) -> Result<()> {
+    for (transitions, _) in care.updates(config).filter(|(_, at)| *at == update) {
+        let path = run.milestone(transitions);
+        if !path.exists() {
+            let policy = PolicyFile::load(run.checkpoint(update))?;
+            run.create_milestones()?;
+            policy.write(&path, Precision::F32)?;
+        }
+    }
+    Ok(())
+}
+
+/// Names the checkpoint after `update` updates as the newest and drops older ones.
+///
+/// Kept are the run's parts and the newest checkpoints; while it runs the newest of those that the clock asked for, too. A
+/// finished run holds the same files whatever the clock said.
 fn settle(run: &RunFolder, update: u64, config: &Config) -> Result<()> {
     run.set_latest(update)?;
-    for (update, path) in run.checkpoints()?.into_iter().skip(NEWEST) {
-        if !is_milestone(update, config) {
-            std::fs::remove_file(&path).with_context(|| format!("cannot remove {}", path.display()))?;
+    let all = run.checkpoints()?;
+    let planned = all.iter().map(|(update, _)| *update).filter(|&update| is_planned(update, config));
+    let newest_planned: Vec<u64> = planned.take(NEWEST).collect();
+    let newest = if update < config.updates { NEWEST } else { 0 };
+    for (index, (update, path)) in all.iter().enumerate() {
+        let kept = index < newest || newest_planned.contains(update) || is_part(*update, config);
+        if !kept {
+            std::fs::remove_file(path).with_context(|| format!("cannot remove {}", path.display()))?;
         }
     }
     Ok(())

@@ -11,7 +11,7 @@ use jostle_policy::TensorFile;
 const LEFT_OUT: [&str; 2] = ["lock", "seconds.csv"];
 
 /// One line for each file that is missing, too many or different. Empty where nothing was lost.
-pub(super) fn differences(expected: &Path, found: &Path) -> Result<Vec<String>> {
+pub(crate) fn differences(expected: &Path, found: &Path) -> Result<Vec<String>> {
     let (expected, found) = (contents(expected)?, contents(found)?);
     let mut lines = Vec::new();
     for (name, content) in &expected {

@@ -8,7 +8,7 @@
 //!
 //! Reading order: this file; [`victim`] (what is killed); [`trigger`] (when); [`compare`] (what must be equal).
 
-mod compare;
+pub(crate) mod compare;
 mod trigger;
 mod victim;
 

@@ -38,6 +38,7 @@ use self::policies::Policies;
 use crate::provenance::workspace;
 use crate::run_folder::write_atomically;
 use crate::ship::manifest;
+use crate::sweep::slurm::SlurmPlan;
 use crate::{output, threads};
 
 /// Makes a table of a study.
@@ -47,7 +48,8 @@ type Table = fn(&mut Bench) -> Result<PooledTable>;
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  cargo xtask reproduce all\n  cargo xtask reproduce table1 --preset small\n  \
-    cargo xtask reproduce table1 --train --rows m10\n  cargo xtask reproduce all --fresh"
+    cargo xtask reproduce table1 --train --rows m10\n  cargo xtask reproduce all --fresh\n  \
+    cargo xtask reproduce all --train --slurm --slurm-options cluster.toml"
 )]
 pub(crate) struct ReproduceArgs {
     /// What to reproduce.
@@ -62,6 +64,14 @@ pub(crate) struct ReproduceArgs {
     /// With --train: these settings alone, such as `m10` or `pool`; the others are the shipped ones.
     #[arg(long, value_name = "NAME,…", value_delimiter = ',', requires = "train")]
     rows: Vec<String>,
+    /// With --train: submit the trainings to Slurm as one job array and stop; the same command without it goes on when they are
+    /// done.
+    #[arg(long, requires = "train")]
+    slurm: bool,
+    /// With --slurm: a file with the keys of a plan's `[slurm]`, such as partition, time, memory, modules (default: the
+    /// cluster's own).
+    #[arg(long, value_name = "FILE", requires = "slurm")]
+    slurm_options: Option<PathBuf>,
     /// Run also the episodes that are stored, and compare.
     #[arg(long)]
     fresh: bool,
@@ -163,6 +173,10 @@ pub(crate) fn run(args: &ReproduceArgs) -> Result<ExitCode> {
 fn study(args: &ReproduceArgs, target: Target, results: &Path, n_threads: usize) -> Result<()> {
     let plan = Plan::new(&args.base.clone().unwrap_or_else(Plan::default_base))?;
     let trained = if args.train { training::chosen(&target.rows(), &args.rows)? } else { BTreeSet::new() };
+    if args.slurm {
+        let slurm = args.slurm_options.as_deref().map(SlurmPlan::load).transpose()?.unwrap_or_default();
+        return training::submit(&plan, &trained, &args.runs, n_threads, slurm);
+    }
     if args.train {
         training::run(&plan, &trained, &args.runs, n_threads)?;
     }

@@ -4,13 +4,15 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use anyhow::{Result, bail, ensure};
+use jostle_ppo::Config;
 
 use super::hours::Rate;
 use super::plan::{POOL, Plan, VARIANTS, row_spec};
 use super::policies::run_folder;
 use crate::output::note;
 use crate::run_folder::{is_run_folder, latest_checkpoint};
-use crate::train::train;
+use crate::sweep::slurm::SlurmPlan;
+use crate::train::{Care, train};
 
 /// The variants to be trained: those named, or all that the rows need and the pedestrians'.
 ///
@@ -34,20 +36,16 @@ pub(super) fn chosen(rows: &[&'static str], named: &[String]) -> Result<BTreeSet
 /// Trains what is missing under `runs`, after it has said how long that takes.
 pub(super) fn run(plan: &Plan, variants: &BTreeSet<&'static str>, runs: &Path, threads: usize) -> Result<()> {
     let mut jobs = Vec::new();
-    for variant in VARIANTS.iter().filter(|variant| variants.contains(variant.name)) {
-        for &seed in variant.seeds {
-            let folder = run_folder(runs, variant.name, seed);
-            let mut config = plan.run(variant.name, seed);
-            config.threads = threads;
-            let done = if is_run_folder(&folder) { updates_done(&folder)? } else { 0 };
-            jobs.push((config, folder, done));
-        }
+    for (name, config) in wanted(plan, variants, threads) {
+        let folder = run_folder(runs, &name, config.seed);
+        let done = if is_run_folder(&folder) { updates_done(&folder)? } else { 0 };
+        jobs.push((config, folder, done));
     }
     ensure!(!jobs.is_empty(), "nothing is to be trained");
     let left: Vec<_> = jobs.iter().filter(|(config, _, done)| *done < config.updates).collect();
     if !left.is_empty() {
         let rate = Rate::measure(plan, threads)?;
-        let hours = |(config, _, done): &&&(jostle_ppo::Config, std::path::PathBuf, u64)| {
+        let hours = |(config, _, done): &&&(Config, std::path::PathBuf, u64)| {
             rate.hours(config, config.updates.saturating_sub(*done))
         };
         for job in &left {
@@ -67,9 +65,32 @@ pub(super) fn run(plan: &Plan, variants: &BTreeSet<&'static str>, runs: &Path, t
     }
     for (config, folder, _) in &jobs {
         let name = folder.file_name().unwrap_or(folder.as_os_str()).to_string_lossy().into_owned();
-        train(config, folder, true, &name)?;
+        train(config, folder, true, &name, &Care::default())?;
     }
     Ok(())
+}
+
+/// Submits what is missing under `runs` to Slurm.
+pub(super) fn submit(
+    plan: &Plan,
+    variants: &BTreeSet<&'static str>,
+    runs: &Path,
+    threads: usize,
+    slurm: SlurmPlan,
+) -> Result<()> {
+    crate::sweep::submit(runs, wanted(plan, variants, threads), slurm)
+}
+
+/// Every run of these variants: the variant's name, and its configuration for a seed.
+fn wanted(plan: &Plan, variants: &BTreeSet<&'static str>, threads: usize) -> Vec<(String, Config)> {
+    let mut wanted = Vec::new();
+    for variant in VARIANTS.iter().filter(|variant| variants.contains(variant.name)) {
+        for &seed in variant.seeds {
+            let config = Config { threads, ..plan.run(variant.name, seed) };
+            wanted.push((variant.name.to_owned(), config));
+        }
+    }
+    wanted
 }
 
 /// Updates of a run's newest checkpoint, by its name.

@@ -1,13 +1,12 @@
 //! A training run as its folder tells it: configuration and update reports, read without disturbing who writes them.
 
-use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
 use jostle_ppo::report::EpisodeCounts;
 use jostle_ppo::{Config, UpdateReport};
 
-use crate::run_folder::{is_run_folder, read_optional};
+use crate::run_folder::{is_locked, is_run_folder, read_optional};
 
 /// What a run is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,19 +61,7 @@ impl RunLog {
 
     /// Whether it is finished, running or stopped.
     pub(crate) fn state(&self) -> Result<State> {
-        let path = self.folder.join("lock");
-        let held = match File::open(&path) {
-            // A shared lock that is given back at once: it is refused while the run's own process is alive.
-            Ok(file) => match file.try_lock_shared() {
-                Ok(()) => false,
-                Err(TryLockError::WouldBlock) => true,
-                Err(TryLockError::Error(error)) => {
-                    return Err(error).with_context(|| format!("cannot test {}", path.display()));
-                }
-            },
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => false,
-            Err(error) => return Err(error).with_context(|| format!("cannot open {}", path.display())),
-        };
+        let held = is_locked(&self.folder)?;
         Ok(match () {
             () if held => State::Running,
             () if self.reports.len() as u64 >= self.config.updates => State::Finished,

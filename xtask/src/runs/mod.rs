@@ -1,6 +1,7 @@
 //! `cargo xtask runs`: every training run under a folder, with its state.
 
 pub(crate) mod log;
+pub(crate) mod pace;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -9,6 +10,7 @@ use anyhow::{Context as _, Result, bail};
 use clap::Args;
 
 use self::log::{RunLog, State};
+use self::pace::Pace;
 use crate::output;
 use crate::run_folder::is_run_folder;
 use crate::ship::curve;
@@ -48,11 +50,15 @@ pub(crate) fn run(args: &RunsArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-const HEADS: [&str; 9] = ["run", "state", "updates", "success", "D", "M", "N", "seed", "config"];
+const HEADS: [&str; 12] =
+    ["run", "state", "host", "updates", "transitions/s", "left", "success", "D", "M", "N", "seed", "config"];
 
 fn row(folder: &Path) -> Result<Vec<String>> {
     let log = RunLog::read(folder)?;
-    let state = match log.state()? {
+    let state = log.state()?;
+    let running = state == State::Running;
+    let pace = Pace::of(&log, log.config.updates, RECENT);
+    let state = match state {
         State::Finished => "finished",
         State::Running => "running",
         State::Stopped => "stopped",
@@ -61,7 +67,10 @@ fn row(folder: &Path) -> Result<Vec<String>> {
     Ok(vec![
         folder.display().to_string(),
         state.to_owned(),
+        pace.host_if(running),
         format!("{}/{}", log.reports.len(), log.config.updates),
+        pace.rate(),
+        pace.left_if(running),
         number(log.success(log.reports.len(), RECENT)),
         number(log.mean(log.reports.len(), RECENT, |report| Some(report.diversity))),
         log.config.n_behaviours.to_string(),

@@ -15,7 +15,7 @@ use jostle_peds::CrowdKind;
 use super::plan::{self, Run, pool_runs, row_run, row_runs};
 use crate::cells::Cell;
 use crate::run_folder::{checkpoint_path, write_atomically};
-use crate::train::train;
+use crate::train::{Care, train};
 use crate::{output, policies};
 
 /// The robot's behaviour token in every row.
@@ -26,7 +26,7 @@ pub(crate) fn run(out: &Path, threads: usize) -> Result<()> {
     for run in [pool_runs(), row_runs()].concat() {
         let mut config = run.config.clone();
         config.threads = threads;
-        train(&config, &out.join(&run.folder), true, &run.folder)?;
+        train(&config, &out.join(&run.folder), true, &run.folder, &Care::default())?;
     }
     let pools = pools(out)?;
     let records = out.join("records");
