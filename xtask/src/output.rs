@@ -18,9 +18,18 @@ pub(crate) fn note(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
-/// The chain of an error, outermost first, as one line.
+/// The chain of an error, outermost first, as one line. A cause that the message before it tells already, as the errors of some
+/// libraries do, is not told again.
 pub(crate) fn one_line(error: &anyhow::Error) -> String {
-    flatten(&format!("{error:#}"))
+    let mut line = String::new();
+    for cause in error.chain().map(ToString::to_string) {
+        if line.is_empty() {
+            line = cause;
+        } else if !line.contains(&cause) {
+            line = format!("{line}: {cause}");
+        }
+    }
+    flatten(&line)
 }
 
 /// Joins the lines of a message; source excerpts of a TOML error (`3 | key = …`, `  | ^^^`) are left out.
@@ -36,7 +45,21 @@ fn is_excerpt(line: &str) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::flatten;
+    use anyhow::Context as _;
+
+    use super::{flatten, one_line};
+
+    #[test]
+    fn a_cause_is_told_once() {
+        #[derive(Debug, thiserror::Error)]
+        #[error("a.toml: cannot read: {0}")]
+        struct Twice(#[source] std::io::Error);
+
+        let cause = || std::io::Error::other("no such file");
+        assert_eq!(one_line(&anyhow::Error::from(Twice(cause()))), "a.toml: cannot read: no such file");
+        let deeper = Err::<(), _>(cause()).context("cannot read").context("cannot start").unwrap_err();
+        assert_eq!(one_line(&deeper), "cannot start: cannot read: no such file");
+    }
 
     #[test]
     fn a_toml_error_becomes_one_line_without_its_excerpt() {

@@ -17,16 +17,25 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::{Context as _, Result, bail};
+use jostle_runs::folder::{CHECKPOINTS, CONFIG, LATEST, checkpoint_name};
+pub(crate) use jostle_runs::folder::{checkpoint_path, is_run_folder};
 
 use crate::output::note;
 
-const CONFIG: &str = "config.toml";
-const LATEST: &str = "latest";
 const LOCK: &str = "lock";
-const CHECKPOINTS: &str = "checkpoints";
 const MILESTONES: &str = "milestones";
 /// How often a lock that another process holds is tried.
 const LOCK_INTERVAL: Duration = Duration::from_secs(1);
+
+/// The newest complete checkpoint of the run in `folder`, by its `latest` file.
+pub(crate) fn latest_checkpoint(folder: &Path) -> Result<PathBuf> {
+    Ok(jostle_runs::folder::latest_checkpoint(folder)?)
+}
+
+/// The text of a file, or `None` where there is none.
+pub(crate) fn read_optional(path: &Path) -> Result<Option<String>> {
+    Ok(jostle_runs::folder::read_optional(path)?)
+}
 
 /// A locked run folder.
 pub(crate) struct RunFolder {
@@ -120,22 +129,9 @@ impl RunFolder {
     }
 }
 
-/// Where the checkpoint after `update` updates of the run in `folder` belongs.
-pub(crate) fn checkpoint_path(folder: &Path, update: u64) -> PathBuf {
-    folder.join(CHECKPOINTS).join(checkpoint_name(update))
-}
-
 /// Where the policy after `transitions` transitions of the run in `folder` belongs.
 pub(crate) fn milestone_path(folder: &Path, transitions: u64) -> PathBuf {
     folder.join(MILESTONES).join(format!("{transitions:09}.safetensors"))
-}
-
-/// The newest complete checkpoint of the run in `folder`, by its `latest` file.
-pub(crate) fn latest_checkpoint(folder: &Path) -> Result<PathBuf> {
-    let Some(name) = read_optional(&folder.join(LATEST))? else {
-        bail!("{} holds no finished checkpoint (no file `{LATEST}`)", folder.display());
-    };
-    Ok(folder.join(CHECKPOINTS).join(name.trim()))
 }
 
 /// Updates of the newest complete checkpoint of the run in `folder`; `None` where there is none.
@@ -162,11 +158,6 @@ pub(crate) fn is_locked(folder: &Path) -> Result<bool> {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(false),
         Err(error) => Err(error).with_context(|| format!("cannot open {}", path.display())),
     }
-}
-
-/// True where `folder` looks like a training run's.
-pub(crate) fn is_run_folder(folder: &Path) -> bool {
-    folder.join(CONFIG).is_file() && folder.join(CHECKPOINTS).is_dir()
 }
 
 /// Replaces a small file so that a reader sees the old text or the new one, never a part.
@@ -219,19 +210,6 @@ fn host() -> String {
     let names = [std::env::var("SLURMD_NODENAME").ok(), kernel(), std::env::var("HOSTNAME").ok()];
     let mut known = names.into_iter().flatten().map(|name| name.trim().to_owned());
     known.find(|name| !name.is_empty() && !name.contains(' ')).unwrap_or_else(|| "unknown".to_owned())
-}
-
-/// The text of a file, or `None` where there is none.
-pub(crate) fn read_optional(path: &Path) -> Result<Option<String>> {
-    match fs::read_to_string(path) {
-        Ok(text) => Ok(Some(text)),
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
-        Err(error) => Err(error).with_context(|| format!("cannot read {}", path.display())),
-    }
-}
-
-fn checkpoint_name(update: u64) -> String {
-    format!("{update:06}.safetensors")
 }
 
 fn list_checkpoints(folder: &Path) -> Result<Vec<(u64, PathBuf)>> {

@@ -51,6 +51,26 @@ fn all_fixtures_pass_with_one_line_each() {
 }
 
 #[test]
+fn the_recordings_of_the_crowds_pass() {
+    let folder = data().join("../../../crates/peds/tests/data");
+    let (passed, out) = conformance(&folder);
+    assert!(passed && !out.contains("FAIL") && out.contains("e_polygons8_seed1_lines.csv"), "{out}");
+}
+
+#[test]
+fn half_planes_that_are_missing_fail() {
+    let files = ["e_polygons8_seed1.csv", "e_polygons8_seed1_lines.csv"];
+    let folder = tempfile::tempdir().unwrap();
+    for file in files {
+        fs::copy(data().join("../../../crates/peds/tests/data/rvo2").join(file), folder.path().join(file))
+            .unwrap();
+    }
+    assert!(conformance(folder.path()).0);
+    edit(folder.path(), files[1], "steps=12", "steps=13");
+    fails(folder.path(), "step 13 agent 0: number of half-planes");
+}
+
+#[test]
 fn the_name_of_a_file_does_not_matter() {
     let folder = folder_with(&["gae/gae.json"]);
     fs::rename(folder.path().join("gae.json"), folder.path().join("more cases.json")).unwrap();

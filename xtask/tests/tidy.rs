@@ -36,6 +36,25 @@ fn no_result_depends_on_the_clock() {
     check(&["Instant::now", "SystemTime", "std::time"], &["crates/bench/", "crates/ppo/src/algorithm1.rs"]);
 }
 
+#[test]
+fn no_error_shows_a_cause_that_it_also_hands_on() {
+    // Whoever prints the chain would tell it twice.
+    let mut found = Vec::new();
+    for path in sources(&workspace().join("crates")) {
+        let text = text(&path);
+        for variant in text.split("#[error(").skip(1) {
+            let (message, rest) = variant.split_once(")]").unwrap_or((variant, ""));
+            let body = rest.split("#[error(").next().unwrap_or("");
+            let body = body.split("\n    }").next().unwrap_or(body).split("),\n").next().unwrap_or(body);
+            let hands_on = ["#[from]", "#[source]", " source:"].iter().any(|word| body.contains(word));
+            if hands_on && (message.contains("{source") || message.contains("{0")) {
+                found.push(format!("{}: {message}", path.display()));
+            }
+        }
+    }
+    assert!(found.is_empty(), "an error shows its cause and hands it on:\n{}", found.join("\n"));
+}
+
 /// Every use of `words` in the library crates, outside `exempt` places, must carry an excuse.
 fn check(words: &[&str], exempt: &[&str]) {
     let mut found = Vec::new();

@@ -61,15 +61,15 @@ pub enum EvalError {
         /// The file.
         file: PathBuf,
     },
-    /// A file cannot be read or written.
-    #[error("{}: cannot {action}: {source}", file.display())]
+    /// A file cannot be read or written. The message holds the reason, which is therefore not handed on as a source.
+    #[error("{}: cannot {action}: {reason}", file.display())]
     Io {
         /// The file.
         file: PathBuf,
         /// What was attempted.
         action: &'static str,
         /// The system's reason.
-        source: std::io::Error,
+        reason: std::io::Error,
     },
     /// The robot's policy gave an action that is not a finite number.
     #[error("episode {episode}, step {step}: the robot's action is ({v}, {w}); expected finite numbers")]
@@ -101,6 +101,6 @@ impl EvalError {
     /// For `map_err` on file operations.
     pub(crate) fn io(file: &std::path::Path, action: &'static str) -> impl FnOnce(std::io::Error) -> Self {
         let file = file.to_path_buf();
-        move |source| Self::Io { file, action, source }
+        move |reason| Self::Io { file, action, reason }
     }
 }

@@ -176,8 +176,8 @@ impl RecordWriter {
             .map_err(EvalError::io(path, "open"))?;
         file.try_lock().map_err(|error| match error {
             std::fs::TryLockError::WouldBlock => EvalError::Locked { file: path.to_path_buf() },
-            std::fs::TryLockError::Error(source) => {
-                EvalError::Io { file: path.to_path_buf(), action: "lock", source }
+            std::fs::TryLockError::Error(reason) => {
+                EvalError::Io { file: path.to_path_buf(), action: "lock", reason }
             }
         })?;
         let text = read_capped(path, &mut file)?;

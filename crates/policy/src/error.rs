@@ -47,17 +47,24 @@ pub enum PolicyError {
         /// What should stand there.
         expected: String,
     },
-    /// A file cannot be read or written at all.
-    #[error("{}: cannot {action}: {source}", file.display())]
+    /// A file cannot be read or written at all. The message holds the reason, which is therefore not handed on as a source.
+    #[error("{}: cannot {action}: {reason}", file.display())]
     Io {
         /// The file.
         file: PathBuf,
         /// What was attempted.
         action: &'static str,
         /// The system's reason.
-        source: std::io::Error,
+        reason: std::io::Error,
     },
-    /// The device of the reference back end is not available, or refused an operation.
+    /// The device of the reference back end is not available, or refused an operation. The message holds candle's own, which
+    /// is therefore not handed on as a source.
     #[error("candle: {0}")]
-    Candle(#[from] candle_core::Error),
+    Candle(candle_core::Error),
+}
+
+impl From<candle_core::Error> for PolicyError {
+    fn from(error: candle_core::Error) -> Self {
+        Self::Candle(error)
+    }
 }

@@ -51,7 +51,7 @@ impl TensorFile {
     /// [`PolicyError::Io`] if it cannot be read, [`PolicyError::File`] if it is no safetensors file, is truncated, or
     /// is larger than the caps.
     pub fn read(path: &Path) -> Result<Self, PolicyError> {
-        let io = |action| move |source| PolicyError::Io { file: path.to_owned(), action, source };
+        let io = |action| move |reason| PolicyError::Io { file: path.to_owned(), action, reason };
         let mut file = File::open(path).map_err(io("open"))?;
         let about = file.metadata().map_err(io("read"))?;
         let refuse =

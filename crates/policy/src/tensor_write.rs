@@ -175,7 +175,7 @@ fn header(by_name: &ByName<'_, '_>, metadata: &BTreeMap<String, String>) -> Vec<
 
 /// Puts `content` at `path` in one step.
 fn replace(path: &Path, content: &[u8]) -> Result<(), PolicyError> {
-    let io = |action| move |source| PolicyError::Io { file: path.to_owned(), action, source };
+    let io = |action| move |reason| PolicyError::Io { file: path.to_owned(), action, reason };
     let partial = partial_path(path);
     let write = || -> std::io::Result<()> {
         let mut file = File::create(&partial)?;

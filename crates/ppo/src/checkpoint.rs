@@ -161,7 +161,7 @@ fn keep_previous(path: &Path) -> Result<(), PpoError> {
         return Ok(());
     }
     let previous = previous_path(path);
-    let io = |source| PpoError::Io { path: previous.clone(), action: "keep the previous checkpoint", source };
+    let io = |reason| PpoError::Io { path: previous.clone(), action: "keep the previous checkpoint", reason };
     let mut link = previous.as_os_str().to_owned();
     link.push(".partial");
     let link = PathBuf::from(link);

@@ -25,15 +25,15 @@ pub enum PpoError {
         /// The parser's words.
         message: String,
     },
-    /// A file cannot be read or written.
-    #[error("{}: cannot {action}: {source}", path.display())]
+    /// A file cannot be read or written. The message holds the reason, which is therefore not handed on as a source.
+    #[error("{}: cannot {action}: {reason}", path.display())]
     Io {
         /// The file.
         path: PathBuf,
         /// What was attempted.
         action: &'static str,
         /// The system's reason.
-        source: std::io::Error,
+        reason: std::io::Error,
     },
     /// A checkpoint is truncated, damaged, of another format or of another shape.
     #[error("{}: {field}: found {found}, expected {expected}", path.display())]

@@ -12,6 +12,7 @@ use std::process::ExitCode;
 
 use anyhow::{Result, bail};
 use clap::{Args, Subcommand};
+use jostle_policy::did_you_mean;
 use jostle_ppo::Config;
 use jostle_sim::TrainingCrowd;
 
@@ -59,7 +60,8 @@ fn explain(wanted: &str) -> Result<String> {
         |key: &&Key| wanted.is_empty() || key.path == wanted || key.path.starts_with(&format!("{wanted}."));
     let chosen: Vec<&Key> = keys.iter().filter(within).collect();
     if chosen.is_empty() {
-        bail!("{wanted}: no such key{}", nearest(wanted, &keys));
+        let known = did_you_mean(wanted, keys.iter().map(|key| key.path.as_str()));
+        bail!("{wanted}: no such key{known}");
     }
     let line = |key: &&Key| {
         if key.section {
@@ -78,15 +80,6 @@ fn with_all_sections() -> Result<toml::Table> {
     let mut table = toml::Table::try_from(Config::default())?;
     table.insert("training_crowd".to_owned(), toml::Value::try_from(TrainingCrowd::default())?);
     Ok(table)
-}
-
-/// A suggestion: the key that shares the last part, or the longest start.
-fn nearest(wanted: &str, keys: &[Key]) -> String {
-    let last = |key: &str| key.rsplit('.').next().unwrap_or(key).to_owned();
-    let shared = |key: &str| key.chars().zip(wanted.chars()).take_while(|(a, b)| a == b).count();
-    let same = keys.iter().find(|key| last(&key.path) == last(wanted));
-    let best = same.or_else(|| keys.iter().max_by_key(|key| shared(&key.path)));
-    best.map(|key| format!("; did you mean {}?", key.path)).unwrap_or_default()
 }
 
 #[cfg(test)]
@@ -111,6 +104,6 @@ mod tests {
         );
         assert!(explain("sim.laser").unwrap().contains("sim.laser.beams = 512"));
         let message = explain("laser.noise_std").unwrap_err().to_string();
-        assert!(message.contains("did you mean sim.laser.noise_std?"), "{message}");
+        assert!(message.contains("no such key; did you mean sim.laser.noise_std?"), "{message}");
     }
 }

@@ -36,10 +36,10 @@ pub(crate) fn check_lines(path: &Path, verdict: &mut Verdict) -> Result<()> {
     let expected = read_lines(path, recording.states.len() - 1, n_agents)?;
     let mut simulator = simulator(&recording)?;
     simulator.record_lines(true);
-    for (step, pair) in recording.states.windows(2).enumerate() {
+    for (step, (pair, expected)) in recording.states.windows(2).zip(expected).enumerate() {
         load(&mut simulator, &pair[0], &pair[1])?;
         simulator.plan();
-        for (agent, expected) in expected[step].iter().enumerate() {
+        for (agent, expected) in expected.iter().enumerate() {
             let found = simulator.lines(agent).context("no recorded half-planes")?;
             compare_lines(found, expected, &format!("step {} agent {agent}", step + 1), verdict);
         }

@@ -155,10 +155,22 @@ fn row(line: &str, n_agents: usize, states: &mut Vec<Vec<State>>) -> Result<()> 
 
 /// Reads the half-planes of a run with `n_steps` steps and `n_agents` agents: `[step − 1][agent]`.
 ///
-/// An agent without lines in a step has no row. Values may be `nan` or `-nan`.
+/// A file of the first steps only says how many they are in a comment, `steps=12`; any other has all of the run's. An agent
+/// without lines in a step has no row. Values may be `nan` or `-nan`.
 pub(crate) fn read_lines(path: &Path, n_steps: usize, n_agents: usize) -> Result<Vec<Vec<Lines>>> {
-    let text = std::fs::read_to_string(path).context("cannot be read")?;
-    let mut all = vec![vec![Lines::default(); n_agents]; n_steps];
+    parse_lines(&std::fs::read_to_string(path).context("cannot be read")?, n_steps, n_agents)
+}
+
+fn parse_lines(text: &str, n_steps: usize, n_agents: usize) -> Result<Vec<Vec<Lines>>> {
+    let mut comments = text.lines().filter_map(|line| line.strip_prefix('#'));
+    let recorded =
+        comments.find_map(|comment| comment.split_whitespace().find_map(|w| w.strip_prefix("steps=")));
+    let n_recorded = match recorded {
+        Some(number) => number.parse().with_context(|| format!("steps={number} is no number of steps"))?,
+        None => n_steps,
+    };
+    ensure!((1..=n_steps).contains(&n_recorded), "half-planes of {n_recorded} steps, the run has {n_steps}");
+    let mut all = vec![vec![Lines::default(); n_agents]; n_recorded];
     for (number, line) in text.lines().enumerate() {
         if !(line.starts_with('#') || line.starts_with("step,") || line.trim().is_empty()) {
             line_row(line, &mut all).with_context(|| format!("line {}: {line}", number + 1))?;
@@ -173,10 +185,8 @@ fn line_row(line: &str, all: &mut [Vec<Lines>]) -> Result<()> {
     let (step, agent): (usize, usize) = (fields[0].parse()?, fields[1].parse()?);
     let index: usize = fields[2].parse()?;
     let number = |index: usize| -> Result<f32> { Ok(fields[index].parse::<f32>()?) };
-    let of_step = step
-        .checked_sub(1)
-        .and_then(|step| all.get_mut(step))
-        .context("a step that the run does not have")?;
+    let of_step =
+        step.checked_sub(1).and_then(|step| all.get_mut(step)).context("a step that was not recorded")?;
     let entry = of_step.get_mut(agent).context("an agent that the run does not have")?;
     ensure!(index == entry.lines.len(), "half-planes are not in order");
     entry.n_agent_lines = fields[3].parse()?;
@@ -186,7 +196,18 @@ fn line_row(line: &str, all: &mut [Vec<Lines>]) -> Result<()> {
 
 #[cfg(test)]
 mod tests {
-    use super::{Lines, Recording, line_row};
+    use super::{Lines, Recording, line_row, parse_lines};
+
+    #[test]
+    fn half_planes_are_those_of_the_whole_run_unless_a_comment_says_otherwise() {
+        let rows = "step,agent,line,n_agent_lines,px,py,dx,dy\n1,0,0,1,2,0,0,1\n";
+        assert_eq!(parse_lines(rows, 3, 2).unwrap().len(), 3);
+        assert_eq!(parse_lines(&format!("# of the start; steps=2\n{rows}"), 3, 2).unwrap().len(), 2);
+        for wrong in ["steps=4", "steps=0", "steps=x"] {
+            assert!(parse_lines(&format!("# {wrong}\n{rows}"), 3, 2).is_err(), "{wrong}");
+        }
+        assert!(parse_lines(&format!("# steps=1\n{rows}2,0,0,1,2,0,0,1\n"), 3, 2).is_err());
+    }
 
     #[test]
     fn head_and_rows_are_read() {

@@ -7,8 +7,6 @@ use toml::{Table, Value};
 
 /// Most characters of a value that a message repeats.
 const EXCERPT: usize = 60;
-/// Least similarity (Jaro–Winkler, 0 to 1) of a key that is offered for an unknown one.
-const SIMILAR: f64 = 0.75;
 
 /// A table of the file that is being read.
 pub(crate) struct Section {
@@ -108,11 +106,9 @@ impl Section {
 
 /// The known name that is nearest to a wrong one, or all of them where none is near.
 pub(super) fn nearest(wrong: &str, known: &[&str]) -> String {
-    let similarity = |name: &str| strsim::jaro_winkler(wrong, name);
-    let best = known.iter().max_by(|a, b| similarity(a).total_cmp(&similarity(b)));
-    match best {
-        Some(best) if similarity(best) >= SIMILAR => (*best).to_owned(),
-        _ => format!("one of {}", known.join(", ")),
+    match jostle_policy::nearest(wrong, known.iter().copied()).first() {
+        Some(best) => (*best).to_owned(),
+        None => format!("one of {}", known.join(", ")),
     }
 }
 

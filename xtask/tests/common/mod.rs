@@ -23,6 +23,10 @@ pub(crate) fn refused(arguments: &[&str], parts: &[&str]) {
     for part in parts {
         assert!(message.contains(part), "{arguments:?}: no {part:?} in {message}");
     }
+    let clauses: Vec<&str> = message.trim().split(": ").collect();
+    for (i, clause) in clauses.iter().enumerate() {
+        assert!(!clauses[..i].contains(clause), "{arguments:?}: {clause:?} is told twice in {message}");
+    }
 }
 
 /// Standard output of a run that must succeed.

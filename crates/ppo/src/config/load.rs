@@ -7,7 +7,7 @@
 use std::ops::Range;
 use std::path::Path;
 
-use jostle_policy::excerpt;
+use jostle_policy::{excerpt, nearest};
 use serde::Deserialize;
 use toml::de::{DeTable, DeValue};
 use toml::{Table, Value};
@@ -34,7 +34,7 @@ impl Config {
     /// [`PpoError::Io`] for an unreadable file, [`PpoError::Syntax`] for text that is not TOML, [`PpoError::Config`]
     /// for a key that is unknown, of the wrong type or out of range.
     pub fn load(path: &Path, overrides: &[impl AsRef<str>]) -> Result<Self, PpoError> {
-        let io = |source| PpoError::Io { path: path.to_path_buf(), action: "read", source };
+        let io = |reason| PpoError::Io { path: path.to_path_buf(), action: "read", reason };
         let (about, location) = (std::fs::metadata(path).map_err(io)?, path.display().to_string());
         // A device or a pipe has no length, and may have no end.
         if !about.is_file() || about.len() > TEXT_MAX {
@@ -201,10 +201,9 @@ fn translate(location: &str, path: &str, message: &str) -> PpoError {
         let names: Vec<&str> = known.split('`').skip(1).step_by(2).collect();
         // A name of a megabyte is near to nothing.
         let name = excerpt(name);
-        let nearest = names.iter().min_by_key(|known| edit_distance(&name, known));
-        let expected = match nearest {
-            Some(nearest) if edit_distance(&name, nearest) <= 3 => (*nearest).to_owned(),
-            _ => format!("one of {}", names.join(", ")),
+        let expected = match nearest(&name, names.iter().copied()).first() {
+            Some(nearest) => (*nearest).to_owned(),
+            None => format!("one of {}", names.join(", ")),
         };
         return config("an unknown key".to_owned(), expected);
     }
@@ -220,21 +219,6 @@ fn translate(location: &str, path: &str, message: &str) -> PpoError {
 
 fn one_line(message: &str) -> String {
     message.split_whitespace().collect::<Vec<_>>().join(" ")
-}
-
-/// Levenshtein distance in characters.
-fn edit_distance(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, x) in a.chars().enumerate() {
-        let mut diagonal = std::mem::replace(&mut row[0], i + 1);
-        for (j, y) in b.iter().enumerate() {
-            let substituted = diagonal + usize::from(x != *y);
-            diagonal = row[j + 1];
-            row[j + 1] = substituted.min(row[j] + 1).min(diagonal + 1);
-        }
-    }
-    row[b.len()]
 }
 
 #[cfg(test)]
@@ -344,12 +328,5 @@ mod tests {
     fn files_are_read_and_missing_ones_named() {
         let error = Config::load(Path::new("/nonexistent/a.toml"), NONE).unwrap_err().to_string();
         assert!(error.starts_with("/nonexistent/a.toml: cannot read"), "{error}");
-    }
-
-    #[test]
-    fn edit_distances() {
-        for (a, b, expected) in [("", "abc", 3), ("kitten", "sitting", 3), ("same", "same", 0)] {
-            assert_eq!(edit_distance(a, b), expected);
-        }
     }
 }
