@@ -15,6 +15,7 @@ use jostle_sim::SimConfig;
 
 use crate::cells::Cell;
 use crate::run_folder::write_atomically;
+use crate::suite::{self, Asked};
 use crate::{output, policies, threads};
 
 /// Arguments of `evaluate`.
@@ -22,7 +23,8 @@ use crate::{output, policies, threads};
 #[command(after_help = "Examples:\n  cargo xtask evaluate runs/ours --crowds VO,SF --episodes 100\n  \
     cargo xtask evaluate runs/ours --crowds NH,IN,VA,SO --pool runs/pool --out results/ours\n  \
     cargo xtask evaluate runs/ours/checkpoints/002500.safetensors --crowds SF --token 3\n  \
-    cargo xtask evaluate runs/ours --crowds straight,stop-and-go,cross-play --pool runs/seed2 runs/seed3")]
+    cargo xtask evaluate runs/ours --crowds straight,stop-and-go,cross-play --pool runs/seed2 runs/seed3\n  \
+    cargo xtask evaluate runs/ours --suite standard --crowds VO,SF --episodes 200")]
 pub(crate) struct EvaluateArgs {
     /// Checkpoint file, or a run folder for its newest checkpoint.
     checkpoint: PathBuf,
@@ -39,11 +41,14 @@ pub(crate) struct EvaluateArgs {
     /// The same at half their training, for crowd SO (default: from the runs of --pool).
     #[arg(long, value_name = "PATH", num_args = 1..)]
     pool_half: Vec<PathBuf>,
+    /// Harder places in place of the usual room: `standard`, or a TOML file of scenes. Every crowd is tested in each.
+    #[arg(long, value_name = "NAME")]
+    suite: Option<String>,
     /// Behaviour token of the robot.
     #[arg(long, value_name = "Z", default_value_t = 0)]
     token: u32,
     /// Agents in a room, the robot among them (default: as in training).
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", conflicts_with = "suite")]
     agents: Option<usize>,
     /// Seed of starts, goals and noise.
     #[arg(long, default_value_t = 0)]
@@ -59,9 +64,30 @@ pub(crate) struct EvaluateArgs {
 /// Tests as the arguments say and prints the result.
 pub(crate) fn run(args: &EvaluateArgs) -> Result<ExitCode> {
     threads::set(args.threads)?;
+    if let Some(name) = &args.suite {
+        return run_suite(args, name);
+    }
     let evaluation = evaluate(args)?;
     output::note(&format!("records and reports: {}", args.out.display()));
     output::result(&evaluation.text())?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Tests on the scenes of a suite and prints the result.
+fn run_suite(args: &EvaluateArgs, name: &str) -> Result<ExitCode> {
+    let crowds = args.crowds()?;
+    let policy = policies::load(&policies::checkpoint(&args.checkpoint)?)?;
+    let trained_with = policy.file.provenance.n_agents as usize;
+    let base = args.protocol(policy.sim_config()?, trained_with, &crowds)?;
+    let asked = Asked {
+        suite: suite::open(name)?,
+        policy: &policy,
+        token: args.token,
+        crowds: &crowds,
+        episodes: args.episodes,
+        out: &args.out,
+    };
+    suite::run(&asked, base.config(), base.pools())?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -93,6 +119,9 @@ pub(crate) fn evaluate(args: &EvaluateArgs) -> Result<Evaluation> {
 impl EvaluateArgs {
     /// Refuses what would stop the evaluation of a policy that is trained with these settings.
     pub(crate) fn check(&self, sim: &SimConfig, trained_with: usize) -> Result<()> {
+        if self.suite.is_some() {
+            bail!("--suite: found in a plan, expected a call of `evaluate` of its own");
+        }
         let crowds = self.crowds()?;
         let protocol = self.protocol(sim.clone(), trained_with, &crowds)?;
         crowds.iter().try_for_each(|&crowd| {

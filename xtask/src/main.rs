@@ -41,6 +41,7 @@ mod reproduce;
 mod run_folder;
 mod runs;
 mod ship;
+mod suite;
 mod sweep;
 mod tensorboard;
 mod threads;

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::EvalError;
 use crate::identity::hex_sha256;
+use crate::scene::SceneConfig;
 
 /// When a pedestrian counts as crashed and is re-spawned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -40,6 +41,10 @@ pub struct EvalConfig {
     pub respawn_clearance: f32,
     /// Episodes run side by side. Changes speed and memory alone, never a result.
     pub lock_step: usize,
+    /// Regions, walls and blocks in place of the room of `sim`. Left out of the written form where there are none, so that hashes
+    /// of settings from before them are what they were.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scene: Option<SceneConfig>,
 }
 
 impl Default for EvalConfig {
@@ -54,6 +59,7 @@ impl Default for EvalConfig {
             pure_crash: PedestrianCrash::Contact,
             respawn_clearance: 3.0,
             lock_step: 256,
+            scene: None,
         }
     }
 }
@@ -88,6 +94,13 @@ impl EvalConfig {
         }
         if self.lock_step == 0 {
             return refuse("lock_step", "0".to_owned(), "at least 1");
+        }
+        if let Some(scene) = &self.scene {
+            scene.validate(&self.sim)?;
+            let (found, expected) = (self.n_agents, scene.n_pedestrians() + 1);
+            if found != expected {
+                return refuse("n_agents", found.to_string(), &format!("the scene's {expected}"));
+            }
         }
         Ok(())
     }

@@ -35,6 +35,14 @@ pub enum EvalError {
         /// Its name.
         crowd: CrowdKind,
     },
+    /// A file is no suite.
+    #[error("{}: {problem}", file.display())]
+    Suite {
+        /// The file.
+        file: PathBuf,
+        /// What is wrong with it.
+        problem: String,
+    },
     /// A line of a record file is not a record.
     #[error("{}: line {line}: {problem}", file.display())]
     Record {

@@ -1,7 +1,7 @@
 //! The six unseen crowds, paired episodes, metrics, intervals and reports (paper, section "Experiments").
 //!
 //! Reading order: [`protocol`] (a policy in a crowd), [`config`], [`crowds`], [`robot`] (who is tested), [`lock_step`] and
-//! [`room`] (how episodes run); [`outcome`], [`metrics`], [`statistics`] (what is measured), [`diversity`] (the metric D);
+//! [`room`] (how episodes run), [`scene`] and [`suite`] (harder places); [`outcome`], [`metrics`], [`statistics`] (what is measured), [`diversity`] (the metric D);
 //! [`cell`], [`records`] and [`compact`] (what is kept), [`claims`] (what the paper says, tested), [`replay`] (episodes step by step), [`paper`] (its tables as data), [`report`] (what is printed).
 //!
 //! Architecture invariants: nothing here trains or knows the trainer; no result depends on the clock, the number of
@@ -28,8 +28,10 @@ pub mod replay;
 pub mod report;
 pub mod robot;
 pub mod room;
+pub mod scene;
 pub mod site;
 pub mod statistics;
+pub mod suite;
 
 pub use config::{EvalConfig, PedestrianCrash};
 pub use crowds::Pools;

@@ -13,8 +13,8 @@ use glam::Vec2;
 use jostle_peds::validation::Gait;
 use jostle_peds::{Crowd, CrowdKind, Motion as Walk, Pedestrian, RoomView, Visibility};
 use jostle_sim::{
-    Hit, Laser, Motion, Observer, Outcome, Pose, ScanSummary, Scenario, Sensor, Shape, Spawner, StreamRng,
-    Streams, World, apply_limits, clip_action, crash, outcome,
+    Hit, Laser, Motion, Observer, Outcome, Pose, ScanSummary, Scenario, Sensor, Shape, SpawnConfig, Spawner,
+    StreamRng, Streams, World, apply_limits, clip_action, crash, outcome,
 };
 
 use crate::config::{EvalConfig, PedestrianCrash};
@@ -74,10 +74,15 @@ impl RoomPlan {
         senses_by_laser: bool,
     ) -> Result<Self, EvalError> {
         config.validate()?;
-        let scenario = Scenario::new(&config.sim.room)?;
+        let scenario = match &config.scene {
+            Some(scene) => scene.scenario(),
+            None => Scenario::new(&config.sim.room)?,
+        };
         let world = scenario.build()?;
-        let spawner = Spawner::new(&config.sim.spawn, &world)?;
-        spawner.check_room(&world, config.n_agents)?;
+        let spawner = Spawner::new(&spawn_config(config), &world)?;
+        if config.scene.is_none() {
+            spawner.check_room(&world, config.n_agents)?;
+        }
         Ok(Self {
             config: config.clone(),
             crowd,
@@ -97,6 +102,15 @@ impl RoomPlan {
     fn crash(&self) -> PedestrianCrash {
         self.config.crash_of(self.senses_by_laser)
     }
+}
+
+/// A scene places its bodies itself; what is added to it later may be put anywhere.
+fn spawn_config(config: &EvalConfig) -> SpawnConfig {
+    let spawn = config.sim.spawn.clone();
+    let Some(scene) = &config.scene else { return spawn };
+    let size = scene.floor.max - scene.floor.min;
+    let wall_clearance = spawn.wall_clearance.min(size.min_element() / 4.0);
+    SpawnConfig { goal_distance: 0.0, wall_clearance, ..spawn }
 }
 
 /// The settings as decimal numbers: 0.1, not the f32 nearest to it.
@@ -141,6 +155,8 @@ pub struct EvalRoom {
     observations: Vec<f32>,
     /// Drawn for the episode.
     speed_factor: Vec<f32>,
+    /// In a scene: for each pedestrian the time from which on it stands whatever the crowd says (s), if there is one.
+    stands_from: Vec<Option<f32>>,
     /// Where pedestrians walk and stand in turns: each one's gait, with the stream of its draws.
     gaits: Vec<(Gait, StreamRng)>,
     /// The speed factors of the next step: 0 for those that stand.
@@ -178,10 +194,19 @@ impl EvalRoom {
         let mut world = plan.scenario.build()?;
         let mut spawn = streams.stream("eval.spawn", &[episode]);
         let mut goals = Vec::with_capacity(config.n_agents);
-        for _ in 0..config.n_agents {
-            let (pose, goal) = plan.spawner.start_and_goal(&world, |_| true, &mut spawn)?;
-            world.add_body(&shape, pose)?;
-            goals.push(goal);
+        let mut stands_from = Vec::new();
+        if let Some(scene) = &config.scene {
+            let placing = scene.place(sim, &world, &mut spawn);
+            for pose in placing.poses {
+                world.add_body(&shape, pose)?;
+            }
+            (goals, stands_from) = (placing.goals, placing.stands_from);
+        } else {
+            for _ in 0..config.n_agents {
+                let (pose, goal) = plan.spawner.start_and_goal(&world, |_| true, &mut spawn)?;
+                world.add_body(&shape, pose)?;
+                goals.push(goal);
+            }
         }
         let pedestrian = |body: usize| {
             let Pose { position, heading } = world.pose(body);
@@ -201,6 +226,7 @@ impl EvalRoom {
             observers: (0..n_observers).map(|body| Observer::new(sim, indexed("eval.noise", body))).collect(),
             observations: vec![0.0; n_observers * sim.observation_len()],
             speed_factor: (1..config.n_agents).map(draw).collect(),
+            stands_from,
             gaits: Vec::new(),
             pace: Vec::new(),
             streams: (1..config.n_agents).map(|body| indexed("eval.pedestrian", body)).collect(),
@@ -268,6 +294,12 @@ impl EvalRoom {
             observations: &self.observations[self.robot_observation().len()..],
             speed_factor: &self.pace,
         }
+    }
+
+    /// Whether the scene makes a pedestrian stand by now.
+    fn stands(&self, plan: &RoomPlan, pedestrian: usize) -> bool {
+        let now = self.steps as f32 * plan.config.sim.episode.dt;
+        self.stands_from.get(pedestrian).is_some_and(|from| from.is_some_and(|from| now >= from))
     }
 
     /// Gives the next pedestrian a gait, where the crowd has one.
@@ -351,6 +383,11 @@ impl EvalRoom {
                 Walk::Drive { v, w } => Motion::Drive { v, w },
             };
         }
+        for i in 0..self.pedestrians.len() {
+            if self.stands(plan, i) {
+                self.motions[i + 1] = Motion::Still;
+            }
+        }
         let directions: Vec<Vec2> =
             (1..self.motions.len()).map(|body| self.world.pose(body).direction()).collect();
         self.world.advance(&self.motions, dt, &mut self.stalled);
@@ -418,26 +455,51 @@ impl EvalRoom {
 
     /// A new goal for a pedestrian that arrived, a new place and goal for one that crashed.
     fn renew_pedestrian(&mut self, plan: &RoomPlan, i: usize, crashed: bool) -> Result<(), EvalError> {
-        let (body, rng) = (i + 1, &mut self.streams[i]);
-        let pedestrian = &mut self.pedestrians[i];
-        let arrived = pedestrian.position.distance(pedestrian.goal) < plan.config.sim.episode.goal_radius;
+        let body = i + 1;
+        let position = self.pedestrians[i].position;
+        let arrived = position.distance(self.pedestrians[i].goal) < plan.config.sim.episode.goal_radius;
+        if !(crashed || arrived) || self.stands(plan, i) {
+            return Ok(());
+        }
+        let (sim, clearance) = (&plan.config.sim, plan.config.respawn_clearance);
+        let (world, rng) = (&self.world, &mut self.streams[i]);
+        let scene = plan.config.scene.as_ref();
+        let mut goal = None;
         if crashed {
-            let clearance = plan.config.respawn_clearance;
-            let pose = plan.spawner.start(&self.world, |other| other != body, clearance, rng)?;
+            let others =
+                || (0..world.n_bodies()).filter(|other| *other != body).map(|other| world.pose(other));
+            let restart = scene.and_then(|s| s.restart(i, others().collect(), clearance, sim, world, rng));
+            let pose = match restart {
+                Some((pose, next)) => {
+                    goal = Some(next);
+                    pose
+                }
+                None => plan.spawner.start(world, |other| other != body, clearance, rng)?,
+            };
             self.world.set_pose(body, pose);
+            let pedestrian = &mut self.pedestrians[i];
             (pedestrian.position, pedestrian.heading) = (pose.position, pose.heading);
             pedestrian.velocity = Vec2::ZERO;
             self.motions[body] = Motion::Still;
             self.respawned[body] = true;
+        } else {
+            goal = scene.and_then(|scene| scene.next_goal(i, position, sim, world, rng));
         }
-        if crashed || arrived {
-            pedestrian.goal = plan.spawner.goal(&self.world, pedestrian.position, rng)?;
-        }
+        let (world, rng) = (&self.world, &mut self.streams[i]);
+        self.pedestrians[i].goal = match goal {
+            Some(goal) => goal,
+            None => plan.spawner.goal(world, self.pedestrians[i].position, rng)?,
+        };
         Ok(())
     }
 
-    /// Whether a pedestrian ran into a wall, an obstacle or another pedestrian. The robot does not count.
+    /// Whether a pedestrian ran into a wall, an obstacle or another pedestrian. The robot does not count, and who stands by the
+    /// scene's will runs into nobody.
     fn has_crashed(&mut self, plan: &RoomPlan, body: usize) -> bool {
+        // Who stands is run into by others.
+        if self.stands(plan, body - 1) {
+            return false;
+        }
         match plan.crash() {
             PedestrianCrash::Contact => self.stalled[body] && !self.touches_robot_alone(plan, body),
             PedestrianCrash::Scan => {

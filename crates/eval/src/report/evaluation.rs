@@ -149,7 +149,8 @@ impl Evaluation {
     }
 }
 
-fn with_interval(count: u64, episodes: u64) -> String {
+/// A share with its 95 % Wilson interval.
+pub(super) fn with_interval(count: u64, episodes: u64) -> String {
     match wilson(count, episodes) {
         Some(Interval { low, high }) => {
             format!("{:.3} ({low:.3}–{high:.3})", count as f64 / episodes as f64)
