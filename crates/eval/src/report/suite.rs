@@ -11,7 +11,7 @@ use super::grid::{Grid, csv_line, number};
 use super::table::provenance;
 use crate::identity::PolicyIdentity;
 
-/// Share of the worst cells whose mean is the score's CVaR.
+/// Share of the worst cells whose mean is the score's conditional value at risk (`cvar`).
 pub const CVAR_SHARE: f64 = 0.25;
 
 /// A scene's cells.
