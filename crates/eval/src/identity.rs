@@ -20,6 +20,25 @@ pub struct PolicyIdentity {
     pub updates: Option<u64>,
     /// Transitions seen in training.
     pub transitions: Option<u64>,
+    /// Who was no learner in its training rooms, as keys of `[training_crowd]` with their shares, such as "blind 0.5".
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub trained_among: Vec<String>,
+    /// The runs whose policies were its opponents in training.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub opponents: Vec<Opponent>,
+}
+
+/// A training run whose policy was another one's opponent in training.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Opponent {
+    /// SHA-256 of the policy's file.
+    pub sha256: String,
+    /// Hash of its training config.
+    pub config_hash: String,
+    /// Its training seed.
+    pub seed: u64,
+    /// Its updates.
+    pub update: u64,
 }
 
 impl PolicyIdentity {
@@ -34,7 +53,20 @@ impl PolicyIdentity {
             commit: None,
             updates: None,
             transitions: None,
+            trained_among: Vec::new(),
+            opponents: Vec::new(),
         }
+    }
+
+    /// Whether members of its training crowd were of this kind, by the key of `[training_crowd]`.
+    pub fn was_among(&self, kind: &str) -> bool {
+        self.trained_among.iter().any(|member| member.split(' ').next() == Some(kind))
+    }
+
+    /// Whether it was trained against the run of the other policy, at whatever stage of it.
+    pub fn has_seen(&self, other: &Self) -> bool {
+        let run = (other.config_hash.as_deref(), other.seed);
+        self.opponents.iter().any(|seen| (Some(seen.config_hash.as_str()), Some(seen.seed)) == run)
     }
 
     /// The short form that every record carries.

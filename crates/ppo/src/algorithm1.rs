@@ -60,6 +60,7 @@ use crate::loss::{
     PolicyLoss, PolicyLossWeights, PolicyTargets, explained_variance, policy_loss, value_loss,
 };
 use crate::minibatch::shuffle;
+use crate::population::Population;
 use crate::report::DiscriminatorReport;
 use crate::rollout::Rollout;
 use crate::{Clock, Config, PpoError, UpdateReport};
@@ -83,7 +84,10 @@ pub struct Trainer {
     pub(crate) transitions: u64,
     pub(crate) rollout: Rollout,
     inputs: Inputs,
-    /// Means of the present step's actions, one for each agent.
+    pub(crate) population: Option<Population>,
+    /// The agents that the present policy drives in the present step.
+    driven: Vec<u32>,
+    /// Means of the present step's actions, one for each of those.
     means: Vec<[f32; 2]>,
     /// Rows [observation | action] of the rollout, for `q_state_action`.
     state_action: Vec<f32>,
@@ -150,6 +154,7 @@ impl Trainer {
         let width = encoder.input_len();
         let q_state_action = q("discriminator.state_action", width + 2)?; // Alg. 1, line 1: q_ψsa
         let q_state = q("discriminator.state", width)?; // Alg. 1, line 1: q_ψs
+        let population = Population::new(&config, &theta)?;
         let pool = thread_pool(config.threads)?;
         let (n_rooms, n_agents, n_behaviours) = (config.n_rooms, config.n_agents, config.n_behaviours as u32);
         let (sim, crowd) = (&config.sim, &config.training_crowd);
@@ -162,7 +167,9 @@ impl Trainer {
             q_state,
             rollout: Rollout::new(config.horizon, config.agents_total(), width),
             inputs: Inputs::new(encoder),
-            means: vec![[0.0; 2]; config.agents_total()],
+            population,
+            driven: Vec::with_capacity(config.agents_total()),
+            means: Vec::with_capacity(config.agents_total()),
             state_action: Vec::new(),
             commit: "unknown".to_owned(),
             update: 0,
@@ -253,6 +260,9 @@ impl Trainer {
         );
         let (policy, value_loss) = (policy?, value?);
         sa.and(s)?;
+        if let Some(population) = &mut self.population {
+            population.after(self.update, &mut self.actor);
+        }
         self.transitions += self.rollout.n_collected() as u64;
         clock.total = start.elapsed().as_secs_f64();
         clock.learning = clock.total - clock.rollout - clock.evaluation;
@@ -292,12 +302,14 @@ impl Trainer {
     pub(crate) fn act(&mut self, step: u64, clock: &mut Clock) -> Result<(), PpoError> {
         let begin = Instant::now();
         self.observe()?;
-        self.actor.network.infer(self.rollout.present(), self.means.as_flattened_mut());
+        self.infer_means();
         let log_std = self.actor.log_std();
         let mut rng = self.streams.stream("action", &[self.update, step]);
         let first = self.rollout.actions.len();
-        for (agent, &mean) in self.means.iter().enumerate() {
-            let policy = DiagonalGaussian { mean, log_std };
+        let mut driven = self.driven.iter().zip(&self.means).peekable();
+        for agent in 0..self.rooms.len() {
+            let own = driven.next_if(|(driven, _)| **driven as usize == agent);
+            let policy = DiagonalGaussian { mean: own.map_or([0.0; 2], |(_, mean)| *mean), log_std };
             let action = policy.sample(&mut rng);
             if action.iter().any(|a| !a.is_finite()) {
                 let (update, tensor) = (self.update, "action".to_owned());
@@ -305,6 +317,9 @@ impl Trainer {
             }
             self.rollout.actions.push(action);
             self.rollout.log_probs.push(policy.log_prob(action));
+        }
+        if let Some(population) = &mut self.population {
+            population.act(&self.rooms, &mut self.rollout.actions[first..]);
         }
         clock.inference += begin.elapsed().as_secs_f64();
         let begin = Instant::now();
@@ -315,6 +330,19 @@ impl Trainer {
         }
         clock.simulation += begin.elapsed().as_secs_f64();
         Ok(())
+    }
+
+    /// The present policy's means for the agents that it drives: for all but walkers and opponents of a training crowd.
+    fn infer_means(&mut self) {
+        let n = self.rooms.len();
+        let driven = (0..n as u32).filter(|agent| self.rooms.role(*agent as usize).has_present_policy());
+        self.driven.clear();
+        self.driven.extend(driven);
+        self.means.resize(self.driven.len(), [0.0; 2]);
+        let present = self.rollout.present();
+        // No rows to choose where all are driven: the common case, and that without a crowd.
+        let rows = (self.driven.len() < n).then_some(&self.driven[..]);
+        self.actor.network.infer(Batch { rows, ..present }, self.means.as_flattened_mut());
     }
 
     /// Logits of q(z|s,a) and q(z|s) on the rollout, which they have not seen.

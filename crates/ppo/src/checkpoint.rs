@@ -5,10 +5,12 @@
 //! | `actor.*`, `critic.*`, `discriminator.state_action.*`, `discriminator.state.*` | parameters, PyTorch's names and shapes |
 //! | `adam.<network>.first`, `adam.<network>.second` | Adam's moments, flat, in the order of the parameters above |
 //! | `state.rooms` | the rooms, JSON as bytes: poses, episodes, observations, positions of their random streams |
+//! | `population.past.<k>` | snapshots of the actor that are opponents, flat, in the order of its parameters |
 //! | `state.adam_steps` | Adam's step counts, JSON as bytes |
 //!
 //! The metadata holds the format, the configuration (TOML, without the keys that do not change the curve), its hash, the
-//! simulator's and the network's part as JSON, seed, commit, counters and a checksum over everything. Two runs of the
+//! simulator's and the network's part as JSON, seed, commit, counters, with a population the policies that it was read from,
+//! and a checksum over everything. Two runs of the
 //! same configuration and binary write the same bytes. The trainer's own random streams are named after the update, so
 //! they need no state.
 
@@ -22,10 +24,13 @@ use jostle_sim::RoomsState;
 
 use crate::adam::Adam;
 use crate::learner::Learner;
+use crate::population::Population;
 use crate::{Config, PpoError, Trainer};
 
 /// Largest count of updates, transitions or steps that is believed; a run of the paper sees 3.2 million transitions.
 const COUNT_MAX: u64 = 1 << 53;
+/// The metadata that names the opponents which came from files.
+const OPPONENTS: &str = "opponents";
 
 impl Trainer {
     /// Writes the run to `path`. A file that was there is replaced whole or not at all, and kept as
@@ -49,6 +54,11 @@ impl Trainer {
                 shape: vec![bytes.len()],
                 values: Values::U8(bytes),
             });
+        }
+        let snapshots = self.population.as_mut().map_or_else(Vec::new, Population::snapshots);
+        for (name, values) in &snapshots {
+            let (name, shape) = (name.clone(), vec![values.len()]);
+            tensors.push(TensorOut { name, shape, values: Values::F32(values) });
         }
         keep_previous(path)?;
         Ok(write_tensors(path, &tensors, &metadata)?)
@@ -99,6 +109,7 @@ impl Trainer {
         for learner in trainer.learners() {
             learner.restore(file, &steps)?;
         }
+        trainer.restore_population(file)?;
         let rooms: RoomsState = json(file, "state.rooms")?;
         trainer.rooms.restore(rooms)?;
         trainer.commit = provenance.commit;
@@ -118,7 +129,30 @@ impl Trainer {
         ];
         let mut metadata = fields.map(|(key, value)| (key.to_owned(), value)).into();
         self.provenance().write(&mut metadata);
+        metadata.extend(self.opponents_json().map(|json| (OPPONENTS.to_owned(), json)));
         metadata
+    }
+
+    /// Who the opponents of the population's files are; `None` without a population.
+    fn opponents_json(&self) -> Option<String> {
+        let population = self.population.as_ref()?;
+        Some(serde_json::to_string(population.records()).expect("records are plain data"))
+    }
+
+    fn restore_population(&mut self, file: &TensorFile) -> Result<(), PpoError> {
+        let expected = self.opponents_json();
+        let Some(population) = &mut self.population else { return Ok(()) };
+        let (found, expected) = (file.metadata_value(OPPONENTS)?, expected.unwrap_or_default());
+        if found != expected {
+            let found = format!("opponents {found}");
+            return Err(refuse(
+                file.path(),
+                "metadata opponents",
+                found,
+                format!("those of population.files, {expected}"),
+            ));
+        }
+        population.restore(|name, len| Ok(file.f32s(name, &[len])?))
     }
 
     /// Where the policy comes from, as checkpoints and reports state it.

@@ -14,6 +14,9 @@ use sha2::{Digest, Sha256};
 mod check;
 mod load;
 
+use crate::population::PopulationConfig;
+pub(crate) use check::refuse;
+
 /// Keys that do not change the learning curve: they are part of neither the hash nor a checkpoint.
 const KEYS_WITHOUT_EFFECT: [&str; 3] = ["updates", "checkpoint_every", "threads"];
 
@@ -95,6 +98,9 @@ pub struct Config {
     /// Agents of the training rooms that are not learners. Left out where all are.
     #[serde(skip_serializing_if = "is_default")]
     pub training_crowd: TrainingCrowd,
+    /// The frozen policies of `training_crowd.opponents`.
+    #[serde(skip_serializing_if = "is_default")]
+    pub population: PopulationConfig,
     /// Sizes of actor and critic.
     pub network: NetworkSection,
     /// Both discriminators.
@@ -204,6 +210,7 @@ impl Default for Config {
             bootstrap_truncation: false,
             sim: SimConfig::default(),
             training_crowd: TrainingCrowd::default(),
+            population: PopulationConfig::default(),
             network: NetworkSection::default(),
             discriminator: DiscriminatorConfig::default(),
         }
@@ -272,14 +279,23 @@ impl Config {
         toml::to_string(&table).expect("a table is TOML")
     }
 
-    /// Leaves the training crowd out where it is off, else those of its keys that have their default.
+    /// Leaves training crowd and population out where they are off, else those of their keys that have their default.
     fn leave_out_defaults(&self, table: &mut toml::Table) {
         if self.training_crowd.is_off() {
             table.remove("training_crowd");
         }
-        if let Some(toml::Value::Table(crowd)) = table.get_mut("training_crowd") {
-            let defaults = toml::Table::try_from(TrainingCrowd::default()).expect("plain numbers fit TOML");
-            crowd.retain(|key, value| defaults.get(key) != Some(value));
+        if self.training_crowd.opponents <= 0.0 {
+            table.remove("population");
+        }
+        let sections = [
+            ("training_crowd", toml::Table::try_from(TrainingCrowd::default())),
+            ("population", toml::Table::try_from(PopulationConfig::default())),
+        ];
+        for (name, defaults) in sections {
+            let defaults = defaults.expect("a default section fits TOML");
+            if let Some(toml::Value::Table(section)) = table.get_mut(name) {
+                section.retain(|key, value| defaults.get(key) != Some(value));
+            }
         }
     }
 
@@ -361,6 +377,13 @@ mod tests {
         assert_eq!(section, "blind = 0.5\nspeed_max = 1.5\n", "keys at their default are left out");
         let none: &[&str] = &[];
         assert_eq!(Config::parse(&text, "canonical", none).unwrap(), on);
+        let mut population = with(TrainingCrowd::default());
+        population.population.past = 3;
+        assert_eq!(population.hash(), Config::default().hash(), "nobody is an opponent");
+        population.training_crowd.opponents = 0.5;
+        let text = population.canonical_toml();
+        assert!(text.contains("[population]\npast = 3\n") && !text.contains("past_every"), "{text}");
+        assert_eq!(Config::parse(&text, "canonical", none).unwrap(), population);
         let error = Config::parse("", "empty", &["training_crowd.blind=2"]).unwrap_err().to_string();
         let expected =
             "--set training_crowd.blind=2: training_crowd.blind: found 2, expected a number in [0, 1]";

@@ -2,7 +2,7 @@
 //!
 //! Reading order: [`algorithm1`] (the paper from top to bottom), then its pure leaves [`gae`], [`loss`], [`adam`] and
 //! [`minibatch`], the data they work on ([`rollout`]), what an update tells ([`report`]), what each
-//! behaviour does ([`behaviours`]), the [`config`] and the
+//! behaviour does ([`behaviours`]), frozen policies among the agents ([`population`]), the [`config`] and the
 //! [`checkpoint`].
 //!
 //! Architecture invariant: nothing here logs, prints or reads a clock for a result. Seconds are measured, and kept apart
@@ -20,6 +20,7 @@ pub mod gae;
 mod learner;
 pub mod loss;
 pub mod minibatch;
+pub mod population;
 pub mod report;
 pub mod rollout;
 
@@ -27,4 +28,5 @@ pub use algorithm1::Trainer;
 pub use behaviours::BehaviourReport;
 pub use config::{AlphaWeighs, Config, NetworkSection};
 pub use error::PpoError;
+pub use population::{OpponentRecord, PopulationConfig};
 pub use report::{Clock, UpdateReport};

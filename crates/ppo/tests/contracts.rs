@@ -136,6 +136,51 @@ fn encoded_inputs_keep_the_promises() {
 }
 
 #[test]
+fn a_population_keeps_the_promises() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (half, other) = (folder.path().join("half.safetensors"), folder.path().join("other.safetensors"));
+    let write_other = |seed: &str| trainer(&["n_behaviours=3", seed]).save(&other).expect("writable");
+    write_other("seed=5");
+    let files = format!("population.files=[{:?}]", other.display().to_string());
+    let population = [
+        "n_agents=3",
+        "training_crowd.opponents=0.6",
+        &files,
+        "population.past=2",
+        "population.past_every=2",
+    ];
+    let mut whole = trainer(&population);
+    let reports = run(&mut whole, 8);
+    let whole = saved(&mut whole, folder.path());
+    for threads in [1, 2, 8] {
+        let config = jostle_ppo::Config { threads, ..tiny(&population) };
+        let mut first = Trainer::new(config.clone()).expect("valid");
+        assert_eq!(run(&mut first, 5), reports[..5]);
+        first.save(&half).expect("writable");
+        drop(first);
+        let mut second = Trainer::resume_with(&half, config).expect("a good checkpoint");
+        assert_eq!(run(&mut second, 3), reports[5..]);
+        assert_same(&saved(&mut second, folder.path()), &whole, &format!("{threads} threads"));
+    }
+    assert_ne!(run(&mut trainer(&["n_agents=3"]), 8), reports, "opponents act in their own way");
+
+    let metadata = jostle_policy::PolicyFile::load(&half).expect("a checkpoint").metadata;
+    let sha256 = |path: &Path| {
+        jostle_policy::hex(&sha2::Digest::finalize(sha2::Digest::chain_update(
+            <sha2::Sha256 as sha2::Digest>::new(),
+            std::fs::read(path).expect("a file"),
+        )))
+    };
+    let records: Vec<jostle_ppo::OpponentRecord> =
+        serde_json::from_str(&metadata["opponents"]).expect("JSON of the opponents");
+    assert_eq!((records.len(), records[0].seed, records[0].update), (1, 5, 0));
+    assert_eq!(records[0].sha256, sha256(&other));
+    write_other("seed=6");
+    let Err(error) = Trainer::resume(&half) else { panic!("another opponent is accepted") };
+    assert!(error.to_string().contains("metadata opponents: found opponents [{"), "{error}");
+}
+
+#[test]
 fn a_report_keeps_learners_and_crowd_apart() {
     let mut crowded = trainer(&CROWD);
     let (mut transitions, mut ended, mut learners_ended) = (0, 0, 0);

@@ -166,6 +166,12 @@ impl Rooms {
         self.rooms[agent_idx / self.n_agents].traits[agent_idx % self.n_agents].role
     }
 
+    /// The number that chooses the frozen policy of an agent with the role [`Role::Opponent`]: uniform over all u32, drawn
+    /// for each episode.
+    pub fn opponent(&self, agent_idx: usize) -> u32 {
+        self.rooms[agent_idx / self.n_agents].traits[agent_idx % self.n_agents].opponent
+    }
+
     /// What the policy acts on now; after an episode's end, the first observation of the new one.
     pub fn observations(&self) -> &[f32] {
         &self.observations

@@ -7,7 +7,7 @@
 //!
 //! # Rules for members
 //!
-//! - A seeing or blind member is driven by the present policy; a walker by a rule ([`Traits::walk`]): it turns on the spot until
+//! - A seeing or blind member is driven by the present policy, an opponent by a frozen one; a walker by a rule ([`Traits::walk`]): it turns on the spot until
 //!   it faces its goal and goes straight on, whoever is in its way. Walkers sense nothing and have no rule of crashing.
 //! - A blind member's laser shows walls and obstacles only, and so does its rule of crashing. A learner in its way sees
 //!   it come and crashes by its own scan; the blind one goes on.
@@ -40,6 +40,8 @@ pub struct TrainingCrowd {
     pub stop_and_go: f32,
     /// Share of agents that stand still for a whole episode. Default 0.
     pub standing: f32,
+    /// Share of agents that are driven for an episode by a frozen policy of the `population`. They see everyone. Default 0.
+    pub opponents: f32,
     /// Least factor on the linear velocity that a member of the crowd executes; uniform up to `speed_max`, drawn for
     /// each episode. A walker's speed is this times `sim.robot.v_max`. Learners keep theirs. Default 1.
     pub speed_min: f32,
@@ -62,6 +64,7 @@ impl Default for TrainingCrowd {
             straight: 0.0,
             stop_and_go: 0.0,
             standing: 0.0,
+            opponents: 0.0,
             speed_min: 1.0,
             speed_max: 1.0,
             phase_min: 0.5,
@@ -79,13 +82,14 @@ impl TrainingCrowd {
 
     /// Who is a member of the crowd with which probability, by the key. The order is that of the draw: new ones come last, so
     /// that a crowd without them is drawn as ever.
-    fn shares(&self) -> [(&'static str, f32, Role); 5] {
+    pub fn shares(&self) -> [(&'static str, f32, Role); 6] {
         [
             ("blind", self.blind, Role::Blind),
             ("seeing", self.seeing, Role::Seeing),
             ("straight", self.straight, Role::Straight),
             ("stop_and_go", self.stop_and_go, Role::StopAndGo),
             ("standing", self.standing, Role::Standing),
+            ("opponents", self.opponents, Role::Opponent),
         ]
     }
 
@@ -123,7 +127,8 @@ impl TrainingCrowd {
         let Some(role) = drawn else { return Traits::default() };
         let speed = rng.random_range(self.speed_min..=self.speed_max);
         let stands = role == Role::StopAndGo && rng.random();
-        Traits { role, speed, stands, ..Traits::default() }
+        let opponent = if role == Role::Opponent { rng.random() } else { 0 };
+        Traits { role, speed, stands, opponent, ..Traits::default() }
     }
 
     /// Steps of a walk or a stop.
@@ -164,6 +169,8 @@ pub enum Role {
     StopAndGo,
     /// Does not move.
     Standing,
+    /// Driven by a frozen policy; sees everyone.
+    Opponent,
 }
 
 impl Role {
@@ -174,6 +181,11 @@ impl Role {
 
     /// Whether a policy drives the agent: it then has a laser and the rule of crashing.
     pub fn has_policy(self) -> bool {
+        matches!(self, Self::Learner | Self::Blind | Self::Seeing | Self::Opponent)
+    }
+
+    /// Whether that policy is the present one.
+    pub fn has_present_policy(self) -> bool {
         matches!(self, Self::Learner | Self::Blind | Self::Seeing)
     }
 
@@ -198,11 +210,14 @@ pub(crate) struct Traits {
     /// For how many steps more it goes on with that.
     #[serde(default)]
     pub(crate) phase_steps: u32,
+    /// Chooses among the frozen policies: uniform over all numbers for an opponent, else 0.
+    #[serde(default)]
+    pub(crate) opponent: u32,
 }
 
 impl Default for Traits {
     fn default() -> Self {
-        Self { role: Role::Learner, speed: 1.0, stalled_steps: 0, stands: false, phase_steps: 0 }
+        Self { role: Role::Learner, speed: 1.0, stalled_steps: 0, stands: false, phase_steps: 0, opponent: 0 }
     }
 }
 
@@ -274,6 +289,7 @@ mod tests {
             straight: 0.15,
             stop_and_go: 0.1,
             standing: 0.05,
+            opponents: 0.1,
             ..TrainingCrowd::default()
         };
         assert_eq!(crowd.validate(), Ok(()));
@@ -286,6 +302,13 @@ mod tests {
             // Five standard deviations of a share of 0.2.
             assert!((found - share).abs() < 0.02, "{key}: {found}");
         }
+        let numbers: Vec<u32> = drawn
+            .iter()
+            .filter(|traits| traits.role == Role::Opponent)
+            .map(|traits| traits.opponent)
+            .collect();
+        let upper_half = numbers.iter().filter(|number| **number >= 1 << 31).count();
+        assert!((400..600).contains(&upper_half), "half of the opponents: {upper_half}");
         let stands = drawn.iter().filter(|traits| traits.stands).count();
         assert!((400..600).contains(&stands), "half of the stop-and-go walkers: {stands}");
         let blind = TrainingCrowd { blind: 0.2, ..TrainingCrowd::default() };

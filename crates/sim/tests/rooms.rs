@@ -64,6 +64,7 @@ fn crowded_rooms(n_rooms: usize) -> Rooms {
         straight: 0.2,
         stop_and_go: 0.1,
         standing: 0.1,
+        opponents: 0.1,
         speed_min: 0.5,
         speed_max: 1.5,
         ..TrainingCrowd::default()

@@ -3,8 +3,9 @@
 use std::collections::BTreeMap;
 
 /// The files that define the configuration's types.
-const SOURCES: [&str; 4] = [
+const SOURCES: [&str; 5] = [
     include_str!("../../../crates/ppo/src/config.rs"),
+    include_str!("../../../crates/ppo/src/population.rs"),
     include_str!("../../../crates/sim/src/config.rs"),
     include_str!("../../../crates/sim/src/traits.rs"),
     include_str!("../../../crates/diversity/src/config.rs"),

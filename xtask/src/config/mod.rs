@@ -13,7 +13,7 @@ use std::process::ExitCode;
 use anyhow::{Result, bail};
 use clap::{Args, Subcommand};
 use jostle_policy::did_you_mean;
-use jostle_ppo::Config;
+use jostle_ppo::{Config, PopulationConfig};
 use jostle_sim::TrainingCrowd;
 
 use self::keys::{Key, keys};
@@ -79,6 +79,7 @@ fn explain(wanted: &str) -> Result<String> {
 fn with_all_sections() -> Result<toml::Table> {
     let mut table = toml::Table::try_from(Config::default())?;
     table.insert("training_crowd".to_owned(), toml::Value::try_from(TrainingCrowd::default())?);
+    table.insert("population".to_owned(), toml::Value::try_from(PopulationConfig::default())?);
     Ok(table)
 }
 

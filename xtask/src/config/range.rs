@@ -20,7 +20,7 @@ pub(super) fn accepted(keys: &[Key], key: &Key) -> Option<String> {
         "u64" | "usize" => &["9223372036854775807", "0"],
         "u32" => &["0"],
         "f64" | "f32" => &["nan"],
-        "bool" | "PathBuf" | "String" => &[],
+        "bool" | "PathBuf" | "String" | "Vec<PathBuf>" => &[],
         _ => &["no-such-word"],
     };
     probes.iter().find_map(|probe| expected(keys, key, probe))

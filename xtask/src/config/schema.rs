@@ -52,9 +52,13 @@ fn leaf(keys: &[Key], key: &Key, default: Option<&Value>) -> Value {
         "u64" | "usize" | "u32" => "integer",
         "f64" | "f32" => "number",
         "bool" => "boolean",
+        "Vec<PathBuf>" => "array",
         _ => "string",
     };
     entry.insert("type".to_owned(), kind.into());
+    if kind == "array" {
+        entry.insert("items".to_owned(), json!({ "type": "string" }));
+    }
     if kind == "integer" {
         entry.insert("minimum".to_owned(), 0.into());
     }

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::cell::CellResult;
 use super::grid::{Grid, csv_line, number};
-use super::table::{cell_notes, provenance};
+use super::table::{cell_notes, provenance, seen_in_training};
 use crate::identity::PolicyIdentity;
 use crate::metrics::MeanStd;
 use crate::statistics::{Interval, wilson};
@@ -107,10 +107,11 @@ impl Evaluation {
         for cell in &self.cells {
             let s = &cell.summary;
             let share = |count| with_interval(count, s.episodes);
+            let seen = if seen_in_training(&self.policy, cell).is_some() { " (seen)" } else { "" };
             grid.push(
                 false,
                 vec![
-                    cell.crowd.to_string(),
+                    format!("{}{seen}", cell.crowd),
                     s.episodes.to_string(),
                     share(s.success),
                     share(s.collision_wall),
@@ -143,7 +144,7 @@ impl Evaluation {
                 let policies: Vec<String> = pool.policies.iter().map(provenance).collect();
                 notes.push(format!("{label}: pedestrians driven by {}", policies.join("; ")));
             }
-            notes.extend(cell_notes(&label, cell));
+            notes.extend(cell_notes(&label, Some(&self.policy), cell));
         }
         notes
     }

@@ -257,14 +257,17 @@ fn row_notes(label: &str, row: &SuccessRow) -> Vec<String> {
         notes.push(format!("{label}: p {}", p_values.join(", ")));
     }
     for cell in &row.cells {
-        notes.extend(cell_notes(&format!("{label}, {}", cell.crowd), cell));
+        notes.extend(cell_notes(&format!("{label}, {}", cell.crowd), row.policy.as_ref(), cell));
     }
     notes
 }
 
 /// What has to be said of a cell: a pool that is cycled, a broken bound.
-pub(super) fn cell_notes(label: &str, cell: &CellResult) -> Vec<String> {
+pub(super) fn cell_notes(label: &str, policy: Option<&PolicyIdentity>, cell: &CellResult) -> Vec<String> {
     let mut notes = Vec::new();
+    if let Some(seen) = policy.and_then(|policy| seen_in_training(policy, cell)) {
+        notes.push(format!("{label}: seen in training: {seen}"));
+    }
     if let Some(pool) = cell.pool.as_ref().filter(|pool| pool.is_cycled()) {
         let (policies, pedestrians) = (pool.policies.len(), pool.n_pedestrians);
         notes.push(format!("{label}: {policies} policies are cycled among {pedestrians} pedestrians"));
@@ -279,11 +282,32 @@ pub(super) fn cell_notes(label: &str, cell: &CellResult) -> Vec<String> {
     notes
 }
 
+/// In what way a policy was trained among what it is tested with in a cell; `None` where its crowd is new to it.
+pub(super) fn seen_in_training(policy: &PolicyIdentity, cell: &CellResult) -> Option<String> {
+    let rule = match cell.crowd {
+        CrowdKind::Straight => "straight",
+        CrowdKind::StopAndGo => "stop_and_go",
+        _ => "",
+    };
+    if policy.was_among(rule) {
+        return Some(format!("training_crowd.{rule} walks by the same rule"));
+    }
+    let pool = cell.pool.as_ref()?;
+    let n_seen = pool.policies.iter().filter(|pedestrian| policy.has_seen(pedestrian)).count();
+    (n_seen > 0).then(|| {
+        format!("{n_seen} of the {} runs that drive the pedestrians were opponents", pool.policies.len())
+    })
+}
+
 /// A policy's provenance in one line.
 pub(super) fn provenance(policy: &PolicyIdentity) -> String {
     let or_dash = |value: Option<String>| value.unwrap_or_else(|| "–".to_owned());
+    let among = match policy.trained_among.join(", ") {
+        none if none.is_empty() => none,
+        members => format!(", trained among {members}"),
+    };
     format!(
-        "{} (sha256 {}, config {}, seed {}, commit {}, {} updates, {} transitions)",
+        "{} (sha256 {}, config {}, seed {}, commit {}, {} updates, {} transitions{among})",
         policy.name,
         short(&policy.sha256),
         or_dash(policy.config_hash.as_deref().map(|hash| short(hash).to_owned())),
@@ -338,4 +362,47 @@ fn csv_fields(row: &SuccessRow, idx: usize, crowd: CrowdKind) -> Vec<String> {
             hashes.join(" ")
         })),
     ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::identity::Opponent;
+    use crate::report::PoolNote;
+
+    #[test]
+    fn a_crowd_that_was_seen_in_training_says_so() {
+        let trained = |name: &str, seed| PolicyIdentity {
+            config_hash: Some("c".to_owned()),
+            seed: Some(seed),
+            ..PolicyIdentity::custom(name, "1")
+        };
+        let opponent = Opponent { sha256: "s".to_owned(), config_hash: "c".to_owned(), seed: 3, update: 7 };
+        let policy = PolicyIdentity {
+            trained_among: vec!["blind 0.25".to_owned(), "straight 0.5".to_owned()],
+            opponents: vec![opponent],
+            ..trained("ours", 1)
+        };
+        let cell = |crowd, seeds: &[u64]| {
+            let policies = seeds.iter().map(|seed| trained("pedestrian", *seed)).collect();
+            let pool = (!seeds.is_empty()).then_some(PoolNote { policies, n_pedestrians: 2 });
+            CellResult::new(crowd, "cell".to_owned(), 1.0, &[], pool)
+        };
+        let seen = |crowd, seeds: &[u64]| seen_in_training(&policy, &cell(crowd, seeds));
+        let runs = Some("1 of the 2 runs that drive the pedestrians were opponents".to_owned());
+        assert_eq!(seen(CrowdKind::Nh, &[3, 4]), runs);
+        assert_eq!(seen(CrowdKind::So, &[2, 4]), None);
+        let rule = Some("training_crowd.straight walks by the same rule".to_owned());
+        assert_eq!(seen(CrowdKind::Straight, &[]), rule);
+        assert_eq!((seen(CrowdKind::StopAndGo, &[]), seen(CrowdKind::Vo, &[])), (None, None));
+        assert_eq!(
+            cell_notes("IN", Some(&policy), &cell(CrowdKind::In, &[3])),
+            [
+                "IN: seen in training: 1 of the 1 runs that drive the pedestrians were opponents",
+                "IN: 1 policies are cycled among 2 pedestrians"
+            ]
+        );
+        assert!(provenance(&policy).ends_with("– transitions, trained among blind 0.25, straight 0.5)"));
+        assert!(provenance(&trained("ours", 1)).ends_with("– transitions)"));
+    }
 }

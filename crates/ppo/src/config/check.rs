@@ -52,6 +52,7 @@ impl Config {
         not_negative("alpha", self.alpha)?;
         self.sim.validate().map_err(|error| in_section("sim", error))?;
         self.training_crowd.validate().map_err(|error| in_section("training_crowd", error))?;
+        self.check_population()?;
         let values = rollout.saturating_mul(self.network_config().input_len());
         if values > OBSERVATIONS_MAX {
             let expected = format!("at most {OBSERVATIONS_MAX} (transitions · length of an observation)");
@@ -62,7 +63,19 @@ impl Config {
     }
 }
 
-pub(super) fn refuse(field: impl Into<String>, found: impl Display, expected: impl Into<String>) -> PpoError {
+impl Config {
+    fn check_population(&self) -> Result<(), PpoError> {
+        within("population.past", self.population.past, 0, 64)?;
+        within("population.past_every", self.population.past_every, 1, i64::MAX as u64)?;
+        if self.training_crowd.opponents > 0.0 && self.population.is_empty() {
+            let expected = "at least one, or population.past of at least 1, for training_crowd.opponents";
+            return Err(refuse("population.files", "no file", expected));
+        }
+        Ok(())
+    }
+}
+
+pub(crate) fn refuse(field: impl Into<String>, found: impl Display, expected: impl Into<String>) -> PpoError {
     let location = "configuration".to_owned();
     PpoError::Config { location, field: field.into(), found: found.to_string(), expected: expected.into() }
 }
