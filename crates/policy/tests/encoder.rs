@@ -119,7 +119,7 @@ fn who_crosses_makes_the_way_ahead_urgent_and_not_the_way_behind() {
     assert!(crossing[ahead] > 0.2, "{}", crossing[ahead]);
     assert_eq!([crossing[behind], standing[ahead]], [0.0, 0.0]);
     // The goal is straight ahead, so that ways counted from it are the same ways.
-    assert_eq!(crossing[32..32 + DIRECTIONS], crossing[32 + PATHS..32 + PATHS + DIRECTIONS]);
+    assert_eq!(crossing[32..32 + DIRECTIONS], crossing[32 + 2 * PATHS..32 + 2 * PATHS + DIRECTIONS]);
 }
 
 #[test]

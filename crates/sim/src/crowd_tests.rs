@@ -192,3 +192,33 @@ fn a_standing_member_stands_until_the_time_limit() {
         }
     }
 }
+
+#[test]
+fn a_member_that_arrives_walks_on_and_may_face_its_new_goal_at_once() {
+    for turn_at_once in [false, true] {
+        let crowd = TrainingCrowd { straight: 1.0, walk_on: true, turn_at_once, ..TrainingCrowd::default() };
+        let mut rooms = room(&crowd, &[(0.0, 5.0, 0.0), (7.95, -9.0, 0.0)]);
+        // The goal at (9, −9) is 1.05 m ahead: reached once it is nearer than 0.5 m.
+        for _ in 0..5 {
+            rooms.step(&[[0.0; 2]; 2]);
+        }
+        assert_eq!(rooms.rooms[0].episodes[1].goal, Vec2::new(9.0, -9.0));
+        rooms.step(&[[0.0; 2]; 2]);
+        assert_eq!(end(&rooms, 1), StepEnd::Running, "its episode goes on");
+        let (pose, goal) = (rooms.rooms[0].world.pose(1), rooms.rooms[0].episodes[1].goal);
+        assert!(goal.distance(pose.position) >= 10.0, "{goal} from {}", pose.position);
+        let ahead = pose.point_in_frame(goal);
+        assert_eq!(ahead.y.abs() < 1e-3 && ahead.x > 0.0, turn_at_once, "{ahead}");
+    }
+}
+
+#[test]
+fn a_learner_that_arrives_has_arrived() {
+    let crowd = TrainingCrowd { walk_on: true, new_goal_every: 0.1, ..all_blind() };
+    let mut rooms = room(&crowd, &[(8.45, -9.0, 0.0), (0.0, 5.0, 0.0)]);
+    let goal = rooms.rooms[0].episodes[0].goal;
+    rooms.step(&[[1.0, 0.0], [0.0, 0.0]]);
+    assert_eq!(end(&rooms, 0), StepEnd::Terminated(Outcome::Success));
+    assert_ne!(rooms.rooms[0].episodes[0].goal, goal);
+    assert_ne!(rooms.rooms[0].episodes[1].goal, goal, "the other one has changed its mind");
+}

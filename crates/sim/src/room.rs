@@ -218,7 +218,7 @@ impl Room {
         let goal_distance = self.world.pose(agent).position.distance(episode.goal);
         let limits = &self.config.episode;
         let crashed = scan.and_then(|scan| crash(scan, limits.crash_range)).or_else(|| self.stopped(agent));
-        let ended = outcome(goal_distance, limits.goal_radius, crashed);
+        let mut ended = outcome(goal_distance, limits.goal_radius, crashed);
         let w = buffers.transitions[agent].executed[1];
         let mut worth = reward(&self.config.reward, ended, episode.goal_distance - goal_distance, w);
         if let (Some(zones), Some(scan)) = (&self.config.reward.safety_zone, scan) {
@@ -227,7 +227,12 @@ impl Room {
         }
         assert!(worth.is_finite() && row[width - 4..].iter().all(|x| x.is_finite()), "a finite observation");
 
-        let episode = &mut self.episodes[agent];
+        let mut goal_distance = goal_distance;
+        if !role.learns() && self.walks_on(agent, ended) {
+            ended = None;
+            goal_distance = self.renew_goal(agent).unwrap_or(goal_distance);
+        }
+        let (limits, episode) = (&self.config.episode, &mut self.episodes[agent]);
         episode.goal_distance = goal_distance;
         episode.steps += 1;
         episode.reward_sum += f64::from(worth);
@@ -243,6 +248,32 @@ impl Room {
             transition.episode = Some(summary(episode, buffers.tokens[agent]));
             buffers.finals[agent * width..][..width].copy_from_slice(row);
         }
+    }
+
+    /// Whether a member of the crowd goes on to another goal: it has arrived, or has changed its mind.
+    fn walks_on(&mut self, agent: usize, ended: Option<Outcome>) -> bool {
+        let (crowd, rng) = (&self.crowd, &mut self.agents[agent].crowd);
+        match ended {
+            Some(Outcome::Success) => crowd.walk_on,
+            Some(_) => false,
+            None => crowd.changes_goal(self.config.episode.dt, rng),
+        }
+    }
+
+    /// Gives a member a new goal from where it is and lets it face it at once where the crowd does; returns the distance to the
+    /// goal. `None`, and the old goal, where the room has no goal far enough from there.
+    fn renew_goal(&mut self, agent: usize) -> Option<f32> {
+        let pose = self.world.pose(agent);
+        let goal = self.spawner.goal(&self.world, pose.position, &mut self.agents[agent].crowd).ok()?;
+        self.episodes[agent].goal = goal;
+        if self.crowd.turn_at_once {
+            let to_goal = goal - pose.position;
+            self.world.set_pose(agent, Pose::new(pose.position, libm::atan2f(to_goal.y, to_goal.x)));
+            if self.world.is_blocked(agent) {
+                self.world.set_pose(agent, pose);
+            }
+        }
+        Some(pose.position.distance(goal))
     }
 
     /// Starts a new episode for one robot: what it is, start, goal and token. The first `n_placed` bodies but itself are in the way.

@@ -13,7 +13,9 @@
 //!   it come and crashes by its own scan; the blind one goes on.
 //! - Bodies never overlap, so a member that does not look stands still where it meets another member. Whoever has been
 //!   stopped for `stall_limit` steps in a row ends its episode there, as a collision with what stopped it.
-//! - Goal and time limit end a member's episode like a learner's.
+//! - Goal and time limit end a member's episode like a learner's. With `walk_on` a member that reaches its goal gets another and
+//!   walks on, and now and then one changes its mind on the way (`new_goal_every`), as people do; with `turn_at_once` it faces
+//!   its new goal at once, as people on two legs can. If its body has no room to turn, it turns as it drives.
 
 use crate::config::RobotConfig;
 use crate::config::check::within;
@@ -52,6 +54,13 @@ pub struct TrainingCrowd {
     pub phase_min: f32,
     /// Longest time that a stop-and-go walker walks or stands, s. Default 4.
     pub phase_max: f32,
+    /// Whether a member that reaches its goal gets another from where it is and walks on; else its episode ends there.
+    /// Default false.
+    pub walk_on: bool,
+    /// Mean time after which a member that walks on changes its goal on the way, s; 0 never. Default 0.
+    pub new_goal_every: f32,
+    /// Whether a member that gets a new goal on the way faces it at once. Default false.
+    pub turn_at_once: bool,
     /// A member that something has stopped for this many steps in a row ends its episode. Default 10: a second.
     pub stall_limit: u32,
 }
@@ -69,6 +78,9 @@ impl Default for TrainingCrowd {
             speed_max: 1.0,
             phase_min: 0.5,
             phase_max: 4.0,
+            walk_on: false,
+            new_goal_every: 0.0,
+            turn_at_once: false,
             stall_limit: 10,
         }
     }
@@ -111,6 +123,7 @@ impl TrainingCrowd {
         }
         ordered(("speed_min", self.speed_min), ("speed_max", self.speed_max), 100.0)?;
         ordered(("phase_min", self.phase_min), ("phase_max", self.phase_max), 1000.0)?;
+        within("new_goal_every", self.new_goal_every, 0.0, 1e6)?;
         if self.stall_limit == 0 {
             return Err(SimError::field("stall_limit", 0, "at least 1"));
         }
@@ -129,6 +142,11 @@ impl TrainingCrowd {
         let stands = role == Role::StopAndGo && rng.random();
         let opponent = if role == Role::Opponent { rng.random() } else { 0 };
         Traits { role, speed, stands, opponent, ..Traits::default() }
+    }
+
+    /// Whether a member changes its goal on the way in a step of `dt`. Draws nothing where none ever does.
+    pub(crate) fn changes_goal(&self, dt: f32, rng: &mut impl Rng) -> bool {
+        self.walk_on && self.new_goal_every > 0.0 && rng.random::<f32>() < dt / self.new_goal_every
     }
 
     /// Steps of a walk or a stop.
@@ -372,7 +390,23 @@ mod tests {
             TrainingCrowd { blind: 0.5, seeing: 0.25, standing: 0.5, ..base.clone() },
             "standing: found 0.5, expected at most 0.25: all shares together at most 1",
         );
+        check(
+            TrainingCrowd { new_goal_every: -1.0, ..base.clone() },
+            "new_goal_every: found -1, expected a number in [0, 1000000]",
+        );
         check(TrainingCrowd { stall_limit: 0, ..base }, "stall_limit: found 0, expected at least 1");
+    }
+
+    #[test]
+    fn minds_are_changed_as_often_as_the_configuration_says() {
+        let mut rng = Streams::new(3).stream("training_crowd", &[]);
+        let never = TrainingCrowd { walk_on: true, ..TrainingCrowd::default() };
+        assert!(!(0..1000).any(|_| never.changes_goal(0.1, &mut rng)));
+        assert_eq!(rng.get_word_pos(), 0, "nothing is drawn");
+        let often = TrainingCrowd { new_goal_every: 2.0, ..never };
+        let changes = (0..10_000).filter(|_| often.changes_goal(0.1, &mut rng)).count();
+        // 10,000 steps of 0.1 s: 500 on average, five standard deviations are 109.
+        assert!((391..609).contains(&changes), "{changes}");
     }
 
     #[test]

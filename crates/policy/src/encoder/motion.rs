@@ -8,10 +8,10 @@
 //! | inputs | what |
 //! |---|---|
 //! | 32 | closeness 1/(½ + r) of the nearest return in each sector of 16 beams (for 512) |
-//! | 48 | urgency of each path of [`paths`](super::paths): 1 − t/[`HORIZON`] for the time t to the first body or wall on it, else 0 |
-//! | 24 | the full-speed ones again, counted from the goal's direction |
+//! | 2 × 48 | urgency of each path of [`paths`](super::paths): 1 − t/[`HORIZON`] for the time t to the first body or wall on it, else 0; for what would be a crash, then with a wider berth |
+//! | 24 | the full-speed ones of the first 48 again, counted from the goal's direction |
 //! | 1 | urgency of standing still |
-//! | 6 × 7 | the six nearest bodies: 1, x/5, y/5, closeness, velocity (m/s), approach speed; zeros where there is none |
+//! | 8 × 7 | the eight nearest bodies: 1, x/5, y/5, closeness, velocity (m/s), approach speed; zeros where there is none |
 //! | 4 | the goal: distance/10, min(distance, 2)/2, cosine and sine of its direction |
 //! | 2 | v and ω |
 
@@ -24,20 +24,23 @@ use crate::observation::TAIL_LEN;
 /// Sectors of the scan.
 const SECTORS: usize = 32;
 /// Bodies listed one by one.
-const TRACKS: usize = 6;
+const TRACKS: usize = 8;
 /// Values of a listed body.
 const TRACK_LEN: usize = 7;
 /// Length of an input row.
-pub const INPUT_LEN: usize = SECTORS + PATHS + DIRECTIONS + 1 + TRACKS * TRACK_LEN + 4 + 2;
+pub const INPUT_LEN: usize = SECTORS + BERTHS * PATHS + DIRECTIONS + 1 + TRACKS * TRACK_LEN + 4 + 2;
 
 /// A cluster of the scan before is the same body if it is nearer than this, m: 2.5 m/s at 0.1 s.
 const MATCH: f32 = 0.25;
 /// A centre of mass behind the visible points of a body of 0.5 m, m.
 const DEPTH: f32 = 0.2;
-/// Centres nearer than this have crashed: the crash range and the body's half width, m.
-const BODY_RADIUS: f32 = 0.8;
-/// Returns of walls nearer than this have crashed, m, with a little room.
-const WALL_RADIUS: f32 = 0.55;
+/// Berths of paths.
+const BERTHS: usize = 2;
+/// Centres nearer than the first of these have crashed, m: the crash range and a body's half width (0.25 m, at a corner
+/// 0.35 m). The second is a berth that leaves room for someone who turns.
+const BODY_RADII: [f32; BERTHS] = [0.82, 1.3];
+/// Returns of walls nearer than the first of these have crashed, m, with a little room; the second is a wider berth.
+const WALL_RADII: [f32; BERTHS] = [0.55, 0.8];
 /// Returns of walls beyond this are met by no path that matters, m.
 const WALL_REACH: f32 = 4.0;
 /// Fewer beams than this share of a body's expected number make no body: specks of walls seen at a grazing angle.
@@ -88,18 +91,18 @@ impl MotionEncoder {
         let n_tracks = self.tracks(observation, scratch, &mut found);
         let tracks = &found[..n_tracks];
         let (sectors, rest) = input.split_at_mut(SECTORS);
-        let (urgencies, rest) = rest.split_at_mut(PATHS);
+        let (urgencies, rest) = rest.split_at_mut(BERTHS * PATHS);
         let (from_goal, rest) = rest.split_at_mut(DIRECTIONS);
         let (standing, rest) = rest.split_at_mut(1);
         let (listed, rest) = rest.split_at_mut(TRACKS * TRACK_LEN);
 
         self.write_sectors(&scratch.now, sectors);
-        let mut meetings: Meetings = [FREE; PATHS];
+        let mut meetings: [Meetings; BERTHS] = [[FREE; PATHS]; BERTHS];
         for track in tracks {
-            self.paths.meet(body_centre(track), track.velocity, BODY_RADIUS, &mut meetings);
+            self.paths.meet(body_centre(track), track.velocity, BODY_RADII, &mut meetings);
         }
         self.meet_walls(scratch, &mut meetings);
-        for (to, meeting) in urgencies.iter_mut().zip(meetings) {
+        for (to, meeting) in urgencies.iter_mut().zip(meetings.as_flattened()) {
             *to = (FREE - meeting) / STEPS as f32;
         }
         let distance = (goal_x * goal_x + goal_y * goal_y).sqrt();
@@ -172,7 +175,7 @@ impl MotionEncoder {
     }
 
     /// Everything that is no body stands still; of each run of eight beams the nearest return counts.
-    fn meet_walls(&self, scratch: &ClusterScratch, meetings: &mut Meetings) {
+    fn meet_walls(&self, scratch: &ClusterScratch, meetings: &mut [Meetings; BERTHS]) {
         let (now, n) = (&scratch.now, self.beams.len());
         let walls =
             now.clusters.iter().zip(&scratch.is_track).filter(|(c, is)| !**is && c.nearest < WALL_REACH);
@@ -182,7 +185,7 @@ impl MotionEncoder {
                 let nearest =
                     beams.min_by(|a, b| now.ranges[*a].total_cmp(&now.ranges[*b])).expect("a run has a beam");
                 if now.ranges[nearest] < WALL_REACH {
-                    self.paths.meet(now.points[nearest], [0.0; 2], WALL_RADIUS, meetings);
+                    self.paths.meet(now.points[nearest], [0.0; 2], WALL_RADII, meetings);
                 }
             }
         }
@@ -199,10 +202,10 @@ fn body_centre(track: &Track) -> [f32; 2] {
     [x * scale, y * scale]
 }
 
-/// 1 − t/[`HORIZON`] for the time t until a body comes within [`BODY_RADIUS`] of a robot that stands still, else 0.
+/// 1 − t/[`HORIZON`] for the time t until a body comes within the first of [`BODY_RADII`] of a robot that stands still, else 0.
 fn standing_urgency(track: &Track) -> f32 {
     let ([x, y], [vx, vy]) = (body_centre(track), track.velocity);
-    let (c, speed_sq) = (x * x + y * y - BODY_RADIUS * BODY_RADIUS, vx * vx + vy * vy);
+    let (c, speed_sq) = (x * x + y * y - BODY_RADII[0] * BODY_RADII[0], vx * vx + vy * vy);
     if c <= 0.0 {
         return 1.0;
     }

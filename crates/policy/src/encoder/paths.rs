@@ -47,20 +47,33 @@ impl Paths {
         Self { x, y }
     }
 
-    /// Brings in a disc that moves in a straight line: paths that come within `radius` of its centre meet it.
+    /// Brings in a disc that moves in a straight line: paths that come within a radius of its centre meet it. Each of `meetings`
+    /// has its own radius.
     ///
     /// `centre` (m) and `velocity` (m/s) are in the robot's frame as it is now, which stays.
-    pub fn meet(&self, centre: [f32; 2], velocity: [f32; 2], radius: f32, meetings: &mut Meetings) {
-        let radius_sq = radius * radius;
+    pub fn meet<const N: usize>(
+        &self,
+        centre: [f32; 2],
+        velocity: [f32; 2],
+        radii: [f32; N],
+        meetings: &mut [Meetings; N],
+    ) {
+        let radii_sq = radii.map(|radius| radius * radius);
         for step in 0..STEPS {
             let time = (step + 1) as f32 * STEP as f32;
             let (cx, cy) = (centre[0] + velocity[0] * time, centre[1] + velocity[1] * time);
             let (xs, ys) = (&self.x[step], &self.y[step]);
             let mark = (step + 1) as f32;
-            for ((meeting, x), y) in meetings.iter_mut().zip(xs).zip(ys) {
+            let mut distances_sq = [0.0; PATHS];
+            for ((distance_sq, x), y) in distances_sq.iter_mut().zip(xs).zip(ys) {
                 let (dx, dy) = (x - cx, y - cy);
-                let found = if dx * dx + dy * dy < radius_sq { mark } else { FREE };
-                *meeting = if found < *meeting { found } else { *meeting };
+                *distance_sq = dx * dx + dy * dy;
+            }
+            for (meetings, radius_sq) in meetings.iter_mut().zip(radii_sq) {
+                for (meeting, distance_sq) in meetings.iter_mut().zip(distances_sq) {
+                    let found = if distance_sq < radius_sq { mark } else { FREE };
+                    *meeting = if found < *meeting { found } else { *meeting };
+                }
             }
         }
     }
@@ -96,6 +109,13 @@ mod tests {
 
     const ALL_FREE: Meetings = [FREE; PATHS];
 
+    /// When each path meets one disc.
+    fn meet(centre: [f32; 2], velocity: [f32; 2], radius: f32) -> Meetings {
+        let mut meetings = [ALL_FREE];
+        Paths::new(1.0, 1.0).meet(centre, velocity, [radius], &mut meetings);
+        meetings[0]
+    }
+
     #[test]
     fn straight_ahead_is_straight() {
         let points = points(0.0, 1.0, 1.0);
@@ -110,33 +130,31 @@ mod tests {
 
     #[test]
     fn a_standing_disc_is_met_when_it_is_reached() {
-        let paths = Paths::new(1.0, 1.0);
-        let mut meetings = ALL_FREE;
-        paths.meet([2.0, 0.0], [0.0, 0.0], 0.8, &mut meetings);
+        let meetings = meet([2.0, 0.0], [0.0, 0.0], 0.8);
         // Straight on at 1 m/s the rim, 1.2 m ahead, is passed at 1.25 s; at half speed at 2.5 s; backwards never.
         assert_eq!((meetings[0], meetings[DIRECTIONS], meetings[DIRECTIONS / 2]), (5.0, 10.0, FREE));
     }
 
     #[test]
     fn one_that_crosses_is_met_where_it_will_be() {
-        let paths = Paths::new(1.0, 1.0);
-        let mut meetings = ALL_FREE;
         // From the left, 2 m ahead: both are at (2, 0) after 2 s.
-        paths.meet([2.0, 2.0], [0.0, -1.0], 0.5, &mut meetings);
-        let met = meetings[0] * STEP as f32;
+        let met = meet([2.0, 2.0], [0.0, -1.0], 0.5)[0] * STEP as f32;
         assert!((1.4..=2.0).contains(&met), "{met}");
         // Had it stood still, straight on would be free.
-        let mut standing = ALL_FREE;
-        paths.meet([2.0, 2.0], [0.0, 0.0], 0.5, &mut standing);
-        assert_eq!(standing[0], FREE);
+        assert_eq!(meet([2.0, 2.0], [0.0, 0.0], 0.5)[0], FREE);
+    }
+
+    #[test]
+    fn a_wider_berth_is_met_no_later() {
+        let mut both = [ALL_FREE; 2];
+        Paths::new(1.0, 1.0).meet([2.0, 0.5], [-0.5, 0.0], [0.8, 1.2], &mut both);
+        assert_eq!(both[0], meet([2.0, 0.5], [-0.5, 0.0], 0.8));
+        assert!(both[0].iter().zip(&both[1]).all(|(near, wide)| wide <= near) && both[0] != both[1]);
     }
 
     #[test]
     fn left_and_right_mirror_each_other() {
-        let paths = Paths::new(1.0, 1.0);
-        let (mut left, mut right) = (ALL_FREE, ALL_FREE);
-        paths.meet([1.5, 1.0], [-0.5, 0.25], 0.8, &mut left);
-        paths.meet([1.5, -1.0], [-0.5, -0.25], 0.8, &mut right);
+        let (left, right) = (meet([1.5, 1.0], [-0.5, 0.25], 0.8), meet([1.5, -1.0], [-0.5, -0.25], 0.8));
         for (path, meeting) in left.iter().enumerate() {
             let mirrored = path / DIRECTIONS * DIRECTIONS + (DIRECTIONS - path % DIRECTIONS) % DIRECTIONS;
             // Straight back is turned to the left by either.
