@@ -1,7 +1,8 @@
 //! What the paper's tables are made of: training settings ("variants"), each the base setting but for what a row varies,
 //! and rows, each a variant at a number of updates.
 //!
-//! The base is `configs/headline.toml`, one setting for all rows. A policy belongs to a variant where its whole
+//! The base is `configs/headline.toml`, one setting for all rows of the paper; the strong policy has its own,
+//! `configs/strong.toml`. A policy belongs to a variant where its whole
 //! configuration, but for the seed, is the variant's: nobody has to say which row a run serves.
 
 use std::path::{Path, PathBuf};
@@ -16,6 +17,8 @@ use crate::provenance::workspace;
 #[derive(Debug, PartialEq)]
 pub(crate) struct Variant {
     pub(crate) name: &'static str,
+    /// A base of its own, below the workspace; `None`: that of the plan.
+    base: Option<&'static str>,
     /// What it changes on the base.
     overrides: &'static [&'static [&'static str]],
     /// Numbers of updates at which it is tested; the last is the length of its training.
@@ -38,7 +41,7 @@ const BASELINE: &[&str] =
     &["n_behaviours=1", "intrinsic_reward=none", "alpha=0", "alpha_weighs=reward", "network.embedding_std=3"];
 
 /// All settings.
-pub(crate) const VARIANTS: [Variant; 12] = [
+pub(crate) const VARIANTS: [Variant; 13] = [
     variant("m1", &[BASELINE], &[5_000], &[1, 2, 3]),
     variant("m5", &[&["n_behaviours=5"]], &[5_000], &[1, 2, 3]),
     variant("m10", &[&["n_behaviours=10"]], &[5_000, 10_000], &[1]),
@@ -53,7 +56,13 @@ pub(crate) const VARIANTS: [Variant; 12] = [
     // Its zones and weights are in `configs/safety_zone.toml`.
     variant(SAFETY_ZONE, &[BASELINE], &[5_000], &[1]),
     variant(POOL, &[BASELINE], &[2_500, 5_000], &[101, 102, 103, 104]),
+    Variant { name: STRONG, base: Some(STRONG_FILE), overrides: &[], updates: &[1_000], seeds: &[1, 2, 3] },
 ];
+
+/// The policy that is meant to be used, not to reproduce the paper.
+pub(crate) const STRONG: &str = "strong";
+/// Its recipe.
+const STRONG_FILE: &str = "configs/strong.toml";
 
 const SAFETY_ZONE: &str = "safety-zone";
 /// Where the weights of the safety-zone baseline are.
@@ -65,7 +74,7 @@ const fn variant(
     updates: &'static [u64],
     seeds: &'static [u64],
 ) -> Variant {
-    Variant { name, overrides, updates, seeds }
+    Variant { name, base: None, overrides, updates, seeds }
 }
 
 impl Variant {
@@ -91,7 +100,7 @@ pub(crate) struct RowSpec {
 }
 
 /// All rows.
-pub(crate) const ROWS: [RowSpec; 13] = [
+pub(crate) const ROWS: [RowSpec; 14] = [
     row(
         "m1",
         "m1",
@@ -128,6 +137,7 @@ pub(crate) const ROWS: [RowSpec; 13] = [
     row("state-action", "state-action", 5_000, &["Table 3: q(z | s, a)"]),
     row("state", "state", 5_000, &["Table 3: q(z | s)"]),
     row("safety-zone", SAFETY_ZONE, 5_000, &["Table 4: Safe"]),
+    row(STRONG, STRONG, 1_000, &["Table of the strong policy"]),
 ];
 
 const fn row(
@@ -175,7 +185,8 @@ impl Plan {
         let none: &[&str] = &[];
         let zone = Config::load(&zone, none)?.sim.reward.safety_zone;
         let config = |variant: &'static Variant| -> Result<(&'static Variant, Config)> {
-            let mut config = Config::load(base, &variant.overrides.concat())?;
+            let own = variant.base.map(|base| workspace().join(base));
+            let mut config = Config::load(own.as_deref().unwrap_or(base), &variant.overrides.concat())?;
             if variant.name == SAFETY_ZONE {
                 let missing = || format!("{SAFETY_ZONE_FILE}: no [sim.reward.safety_zone]");
                 config.sim.reward.safety_zone = Some(zone.clone().with_context(missing)?);

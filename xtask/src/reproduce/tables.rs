@@ -11,7 +11,7 @@ use jostle_peds::CrowdKind;
 
 use super::bench::{Bench, Evaluated};
 use super::deployment;
-use super::plan::row_spec;
+use super::plan::{STRONG, row_spec};
 
 /// Rows of Table I in the paper's order, and so on.
 const ROWS_1: [&str; 6] = ["m1", "m5", "m10", "m20", "m10-long", "m20-long"];
@@ -34,6 +34,15 @@ pub(super) fn table_1(bench: &mut Bench) -> Result<PooledTable> {
     }
     let title = "Table 1. Success rate against the number of behaviours M";
     Ok(success_table(bench, "table1", title, &["M", "updates", "updates/M"], rows))
+}
+
+/// Success of the policy that is meant to be used, trained beyond the paper's setting. Not of the paper.
+pub(super) fn table_strong(bench: &mut Bench) -> Result<PooledTable> {
+    let evaluated = bench.row(STRONG)?;
+    let mut row = success_row(evaluated, STRONG, vec![STRONG.to_owned()], [0.0; 6], 0.0, "strong");
+    row.paper = vec![None; row.paper.len()];
+    let title = "Beyond the paper: the strong policy (configs/strong.toml)";
+    Ok(success_table(bench, "strong", title, &["policy"], vec![row]))
 }
 
 /// Success against the number of agents.

@@ -63,6 +63,7 @@ pub struct ScanClusters {
     pub points: Vec<[f32; 2]>,
     /// Ranges, m.
     pub ranges: Vec<f32>,
+    joined: Vec<bool>,
     /// The clusters, by their first beam. One that crosses the seam is the last.
     pub clusters: Vec<Cluster>,
 }
@@ -89,27 +90,27 @@ impl ScanClusters {
         self.points.clear();
         let ends = self.ranges.iter().zip(&beams.cos).zip(&beams.sin);
         self.points.extend(ends.map(|((r, cos), sin)| [r * cos, r * sin]));
-        self.clusters.clear();
-        let points = &self.points;
+        // Whether a beam's end point belongs to the same cluster as that of the beam before it.
         let met = |beam: usize| scan[beam] < NOTHING;
+        let points = &self.points;
         let joined = |a: usize, b: usize| met(a) && met(b) && distance_sq(points[a], points[b]) <= GAP * GAP;
+        self.joined.clear();
+        self.joined.push(joined(n - 1, 0));
+        self.joined.extend((1..n).map(|beam| joined(beam - 1, beam)));
+        self.clusters.clear();
         // Where a cluster certainly begins; if all beams are one cluster, the circle is cut at the seam.
-        let seam = (0..n).find(|beam| !joined((beam + n - 1) % n, *beam)).unwrap_or(0);
+        let start = self.joined.iter().position(|joined| !joined).unwrap_or(0);
         let mut run: Option<(usize, usize)> = None;
-        for step in 0..n {
-            let beam = (seam + step) % n;
-            if !met(beam) {
-                self.clusters.extend(run.take().map(|run| self.cluster(run)));
-                continue;
-            }
-            run = match run {
-                Some((first, count)) if joined((beam + n - 1) % n, beam) => Some((first, count + 1)),
-                other => {
-                    let ended = other.map(|run| self.cluster(run));
+        for beam in (start..n).chain(0..start) {
+            let goes_on = self.joined[beam];
+            match &mut run {
+                Some((_, count)) if goes_on => *count += 1,
+                _ => {
+                    let ended = run.take().map(|run| self.cluster(run));
                     self.clusters.extend(ended);
-                    Some((beam, 1))
+                    run = met(beam).then_some((beam, 1));
                 }
-            };
+            }
         }
         let ended = run.map(|run| self.cluster(run));
         self.clusters.extend(ended);
@@ -119,8 +120,7 @@ impl ScanClusters {
         let total = self.points.len();
         let mut sum = [0.0_f32; 2];
         let (mut nearest, mut size_sq) = (f32::INFINITY, 0.0_f32);
-        for step in 0..n {
-            let beam = (first + step) % total;
+        for beam in run_of(first, n, total) {
             let [x, y] = self.points[beam];
             sum = [sum[0] + x, sum[1] + y];
             nearest = nearest.min(self.ranges[beam]);
@@ -129,6 +129,12 @@ impl ScanClusters {
         let scale = 1.0 / n as f32;
         Cluster { first, n, centre: [sum[0] * scale, sum[1] * scale], nearest, size: size_sq.sqrt() }
     }
+}
+
+/// `n` beams of `total` from `first` on, around the circle.
+pub(super) fn run_of(first: usize, n: usize, total: usize) -> impl Iterator<Item = usize> {
+    let end = first + n;
+    (first..end.min(total)).chain(0..end.saturating_sub(total))
 }
 
 /// Squared distance of two points.
@@ -165,6 +171,13 @@ mod tests {
         ranges[14..17].fill(3.0);
         ranges[20..22].fill(2.0);
         assert_eq!(runs(&read(&ranges)), [(10, 4), (14, 3), (20, 2)]);
+    }
+
+    #[test]
+    fn a_scan_that_meets_something_everywhere_but_once_is_one_cluster() {
+        let mut ranges = [2.0; 64];
+        ranges[5] = 10.0;
+        assert_eq!(runs(&read(&ranges)), [(6, 63)]);
     }
 
     #[test]

@@ -17,7 +17,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::clusters::{Beams, Cluster, ClusterScratch, SIZE_MAX, ScanClusters, distance_sq};
+use super::clusters::{Beams, Cluster, ClusterScratch, SIZE_MAX, ScanClusters, distance_sq, run_of};
 use super::paths::{DIRECTIONS, FREE, HORIZON, Meetings, PATHS, Paths, STEPS};
 use crate::observation::TAIL_LEN;
 
@@ -43,6 +43,8 @@ const BODY_RADII: [f32; BERTHS] = [0.82, 1.3];
 const WALL_RADII: [f32; BERTHS] = [0.55, 0.8];
 /// Returns of walls beyond this are met by no path that matters, m.
 const WALL_REACH: f32 = 4.0;
+/// Distance of the returns of a wall that are looked at, m: discs of the first of [`WALL_RADII`] leave no gap.
+const WALL_SPACING: f32 = 0.25;
 /// Fewer beams than this share of a body's expected number make no body: specks of walls seen at a grazing angle.
 const FEWEST_SHARE: f32 = 0.35;
 
@@ -174,18 +176,18 @@ impl MotionEncoder {
         }
     }
 
-    /// Everything that is no body stands still; of each run of eight beams the nearest return counts.
+    /// Everything that is no body stands still; its returns count at least [`WALL_SPACING`] apart.
     fn meet_walls(&self, scratch: &ClusterScratch, meetings: &mut [Meetings; BERTHS]) {
         let (now, n) = (&scratch.now, self.beams.len());
         let walls =
             now.clusters.iter().zip(&scratch.is_track).filter(|(c, is)| !**is && c.nearest < WALL_REACH);
         for (cluster, _) in walls {
-            for from in (0..cluster.n).step_by(8) {
-                let beams = (from..cluster.n.min(from + 8)).map(|step| (cluster.first + step) % n);
-                let nearest =
-                    beams.min_by(|a, b| now.ranges[*a].total_cmp(&now.ranges[*b])).expect("a run has a beam");
-                if now.ranges[nearest] < WALL_REACH {
-                    self.paths.meet(now.points[nearest], [0.0; 2], WALL_RADII, meetings);
+            let mut last = [f32::INFINITY; 2];
+            for beam in run_of(cluster.first, cluster.n, n).filter(|beam| now.ranges[*beam] < WALL_REACH) {
+                let point = now.points[beam];
+                if distance_sq(point, last) >= WALL_SPACING * WALL_SPACING {
+                    self.paths.meet(point, [0.0; 2], WALL_RADII, meetings);
+                    last = point;
                 }
             }
         }

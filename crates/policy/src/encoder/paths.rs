@@ -25,6 +25,8 @@ const FINE: f64 = 0.05;
 pub struct Paths {
     x: Box<[[f32; PATHS]; STEPS]>,
     y: Box<[[f32; PATHS]; STEPS]>,
+    /// Largest distance of a step's points from the robot, m.
+    reach: [f32; STEPS],
 }
 
 /// When each path first meets something, in steps (1 to [`STEPS`]); [`FREE`] where it meets nothing.
@@ -44,7 +46,11 @@ impl Paths {
                 (x[step][path], y[step][path]) = (px as f32, py as f32);
             }
         }
-        Self { x, y }
+        let reach = std::array::from_fn(|step| {
+            let points = x[step].iter().zip(&y[step]);
+            points.map(|(x, y): (&f32, &f32)| (x * x + y * y).sqrt()).fold(0.0, f32::max)
+        });
+        Self { x, y, reach }
     }
 
     /// Brings in a disc that moves in a straight line: paths that come within a radius of its centre meet it. Each of `meetings`
@@ -59,9 +65,15 @@ impl Paths {
         meetings: &mut [Meetings; N],
     ) {
         let radii_sq = radii.map(|radius| radius * radius);
+        let widest = radii.into_iter().fold(0.0, f32::max);
         for step in 0..STEPS {
             let time = (step + 1) as f32 * STEP as f32;
             let (cx, cy) = (centre[0] + velocity[0] * time, centre[1] + velocity[1] * time);
+            // No path is there yet.
+            let far = self.reach[step] + widest;
+            if cx * cx + cy * cy > far * far {
+                continue;
+            }
             let (xs, ys) = (&self.x[step], &self.y[step]);
             let mark = (step + 1) as f32;
             let mut distances_sq = [0.0; PATHS];
