@@ -1,10 +1,11 @@
 //! `cargo xtask bench`: what the figures of `docs/performance.md` are made by.
 //!
-//! Reading order: [`machine`] (under what conditions), [`update`], [`simulator`], [`rollout`]
-//! and [`evaluation`] (ours alone), [`peers`]
+//! Reading order: [`machine`] (under what conditions), [`update`], [`simulator`], [`rollout`],
+//! [`learning`] and [`evaluation`] (ours alone), [`peers`]
 //! (ours and other software, taking turns), [`worker`] (our side of that).
 
 mod evaluation;
+mod learning;
 mod machine;
 mod peers;
 mod rollout;
@@ -35,6 +36,8 @@ enum What {
     Simulator(simulator::SimulatorArgs),
     /// Inference and simulation in turn, or overlapped.
     Rollout(rollout::RolloutArgs),
+    /// Transitions per second of training, and the time to a share of successes among its own kind.
+    Learning(learning::LearningArgs),
     /// How long cells of a table take.
     Evaluation(evaluation::EvaluationArgs),
     /// Ours and other software on the same work, taking turns: PyTorch, IR-SIM, VMAS, RVO2, Stage.
@@ -50,6 +53,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<ExitCode> {
         What::Update(args) => update::run(args),
         What::Simulator(args) => simulator::run(args),
         What::Rollout(args) => rollout::run(args),
+        What::Learning(args) => learning::run(args),
         What::Evaluation(args) => evaluation::run(args),
         What::Peers(args) => peers::run(args),
         What::Worker(args) => worker::run(args),
