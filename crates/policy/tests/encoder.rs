@@ -4,7 +4,7 @@ use std::f32::consts::TAU;
 
 use jostle_policy::encoder::EncoderScratch;
 use jostle_policy::encoder::clusters::ClusterScratch;
-use jostle_policy::encoder::motion::{self, MAX_TRACKS, MotionEncoder, MotionInputs, Track};
+use jostle_policy::encoder::motion::{self, MotionEncoder, MotionInputs, Track};
 use jostle_policy::encoder::paths::{DIRECTIONS, PATHS};
 use jostle_policy::{
     Backend, Batch, Encoder, Layout, Network, NetworkConfig, Parameters, PolicyError, actor, backend, critic,
@@ -52,9 +52,7 @@ fn row(before: &Scene, now: &Scene, [v, w]: [f32; 2], goal: [f32; 2]) -> Vec<f32
 }
 
 fn tracks(row: &[f32]) -> Vec<Track> {
-    let mut found = [Track { centre: [0.0; 2], velocity: [0.0; 2], nearest: 0.0 }; MAX_TRACKS];
-    let n = MotionEncoder::new(&INPUTS, BEAMS).tracks(row, &mut ClusterScratch::default(), &mut found);
-    found[..n].to_vec()
+    MotionEncoder::new(&INPUTS, BEAMS).tracks(row, &mut ClusterScratch::default()).to_vec()
 }
 
 fn config() -> NetworkConfig {

@@ -68,9 +68,10 @@ pub struct ScanClusters {
     pub clusters: Vec<Cluster>,
 }
 
-/// Memory of the encoder: the two newest scans.
+/// Memory of the encoder: the two newest scans and the bodies in them.
 #[derive(Debug, Clone, Default)]
 pub struct ClusterScratch {
+    pub(super) tracks: Vec<super::motion::Track>,
     pub(super) before: ScanClusters,
     pub(super) now: ScanClusters,
     pub(super) is_track: Vec<bool>,

@@ -89,9 +89,8 @@ impl MotionEncoder {
     pub(super) fn encode(&self, observation: &[f32], scratch: &mut ClusterScratch, input: &mut [f32]) {
         let tail = &observation[observation.len() - TAIL_LEN..];
         let &[goal_x, goal_y, v, w] = tail else { unreachable!("a tail of four values") };
-        let mut found = [Track { centre: [0.0; 2], velocity: [0.0; 2], nearest: 0.0 }; MAX_TRACKS];
-        let n_tracks = self.tracks(observation, scratch, &mut found);
-        let tracks = &found[..n_tracks];
+        self.find_tracks(observation, scratch);
+        let tracks = &scratch.tracks[..];
         let (sectors, rest) = input.split_at_mut(SECTORS);
         let (urgencies, rest) = rest.split_at_mut(BERTHS * PATHS);
         let (from_goal, rest) = rest.split_at_mut(DIRECTIONS);
@@ -118,16 +117,16 @@ impl MotionEncoder {
         rest.copy_from_slice(&[distance / 10.0, distance.min(2.0) / 2.0, cos, sin, v, w]);
     }
 
-    /// The bodies of the newest scan, nearest first; returns their number.
-    pub fn tracks(
-        &self,
-        observation: &[f32],
-        scratch: &mut ClusterScratch,
-        found: &mut [Track; MAX_TRACKS],
-    ) -> usize {
+    /// The bodies of an observation row's newest scan, nearest first.
+    pub fn tracks<'a>(&self, observation: &[f32], scratch: &'a mut ClusterScratch) -> &'a [Track] {
+        self.find_tracks(observation, scratch);
+        &scratch.tracks
+    }
+
+    fn find_tracks(&self, observation: &[f32], scratch: &mut ClusterScratch) {
         let n = self.beams.len();
         let newest = observation.len() - TAIL_LEN - n;
-        let ClusterScratch { before, now, is_track } = scratch;
+        let ClusterScratch { before, now, is_track, tracks } = scratch;
         before.read(&self.beams, &observation[newest - n..newest]);
         now.read(&self.beams, &observation[newest..newest + n]);
         let &[_, _, v, w] = &observation[newest + n..] else { unreachable!("a tail of four values") };
@@ -139,11 +138,11 @@ impl MotionEncoder {
             [x * cos - y * sin, x * sin + y * cos]
         };
         is_track.clear();
-        let mut count = 0;
+        tracks.clear();
         for cluster in &now.clusters {
             let is_body = self.is_body(cluster);
             is_track.push(is_body);
-            if !is_body || count == MAX_TRACKS {
+            if !is_body {
                 continue;
             }
             let bodies = before.clusters.iter().filter(|c| self.is_body(c)).map(|c| carried(c.centre));
@@ -153,11 +152,9 @@ impl MotionEncoder {
                 .min_by(|a, b| a.0.total_cmp(&b.0));
             let velocity = nearest
                 .map_or([0.0; 2], |(_, [x, y])| [(cluster.centre[0] - x) / dt, (cluster.centre[1] - y) / dt]);
-            found[count] = Track { centre: cluster.centre, velocity, nearest: cluster.nearest };
-            count += 1;
+            tracks.push(Track { centre: cluster.centre, velocity, nearest: cluster.nearest });
         }
-        found[..count].sort_by(|a, b| a.nearest.total_cmp(&b.nearest));
-        count
+        tracks.sort_by(|a, b| a.nearest.total_cmp(&b.nearest));
     }
 
     /// Whether a cluster may be a body: small, and of enough beams for its distance.
@@ -193,9 +190,6 @@ impl MotionEncoder {
         }
     }
 }
-
-/// Most bodies that are followed in one scan.
-pub const MAX_TRACKS: usize = 32;
 
 /// The body's centre, behind what is seen of it.
 fn body_centre(track: &Track) -> [f32; 2] {
