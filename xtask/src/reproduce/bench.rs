@@ -59,11 +59,11 @@ impl Bench {
     /// A row among the six crowds.
     pub(crate) fn row(&mut self, name: &'static str) -> Result<&Evaluated> {
         let mut row = self.take(name)?;
-        let crowds = CrowdKind::PAPER;
+        let (crowds, n_agents) = (CrowdKind::PAPER, row_spec(name).n_agents);
         for (found, run) in row.found.iter().zip(&mut row.row.seeds) {
             for crowd in crowds {
                 if !run.sites.contains_key(crowd.name()) {
-                    let episodes = self.crowd(found, TOKEN, crowd)?;
+                    let episodes = self.crowd(found, TOKEN, crowd, n_agents)?;
                     run.sites.insert(crowd.name().to_owned(), episodes);
                 }
             }
@@ -102,16 +102,17 @@ impl Bench {
         Ok(self.put(name, row))
     }
 
-    /// The episodes of a policy with a token in a crowd.
+    /// The episodes of a policy with a token in a crowd of `n_agents` − 1 (`None`: as many agents as in training).
     pub(crate) fn crowd(
         &mut self,
         found: &Found,
         token: u32,
         crowd: CrowdKind,
+        n_agents: Option<usize>,
     ) -> Result<Vec<jostle_eval::compact::CompactEpisode>> {
         let config = EvalConfig {
             sim: found.policy.sim_config()?,
-            n_agents: found.policy.file.provenance.n_agents as usize,
+            n_agents: n_agents.unwrap_or(found.policy.file.provenance.n_agents as usize),
             ..EvalConfig::default()
         };
         let protocol = Protocol::new(config, self.pools.clone())?;

@@ -22,7 +22,7 @@ pub(super) fn tokens(bench: &mut Bench) -> Result<PooledTable> {
         for crowd in CrowdKind::PAPER {
             let mut seeds = Vec::new();
             for policy in &found {
-                let episodes = bench.crowd(policy, token, crowd)?;
+                let episodes = bench.crowd(policy, token, crowd, None)?;
                 let successes =
                     episodes.iter().filter(|episode| episode.outcome == EpisodeOutcome::Success).count();
                 seeds.push(SeedValue::rate(policy.seed, successes as u64, episodes.len() as u64));

@@ -33,7 +33,7 @@ use jostle_eval::report::{PooledTable, verdicts};
 
 use self::bench::Bench;
 use self::hours::Rate;
-use self::plan::{Plan, ROWS, STRONG, row_spec};
+use self::plan::{Plan, ROWS, row_spec};
 use self::policies::Policies;
 use crate::provenance::workspace;
 use crate::run_folder::write_atomically;
@@ -145,7 +145,7 @@ impl Target {
             Self::Table3 => of_table("Table 3"),
             Self::Table4 => of_table("Table 4"),
             Self::Table5 => of_table("Table 5"),
-            Self::Strong => vec![STRONG],
+            Self::Strong => tables::ROWS_STRONG.to_vec(),
             Self::FigureLoss | Self::FigurePaths => vec!["m5"],
             Self::Beyond | Self::Claims | Self::All => ROWS.iter().map(|row| row.name).collect(),
             Self::Page | Self::Configs => Vec::new(),

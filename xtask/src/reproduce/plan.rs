@@ -95,12 +95,14 @@ pub(crate) struct RowSpec {
     pub(crate) name: &'static str,
     pub(crate) variant: &'static str,
     pub(crate) updates: u64,
+    /// Agents in its test rooms, the robot among them; `None`: as many as in training.
+    pub(crate) n_agents: Option<usize>,
     /// Where it stands.
     pub(crate) serves: &'static [&'static str],
 }
 
 /// All rows.
-pub(crate) const ROWS: [RowSpec; 14] = [
+pub(crate) const ROWS: [RowSpec; 16] = [
     row(
         "m1",
         "m1",
@@ -137,7 +139,9 @@ pub(crate) const ROWS: [RowSpec; 14] = [
     row("state-action", "state-action", 5_000, &["Table 3: q(z | s, a)"]),
     row("state", "state", 5_000, &["Table 3: q(z | s)"]),
     row("safety-zone", SAFETY_ZONE, 5_000, &["Table 4: Safe"]),
-    row(STRONG, STRONG, 1_000, &["Table of the strong policy"]),
+    strong_row(STRONG, 5, &["the strong policy, N = 5"]),
+    strong_row("strong-n10", 10, &["the strong policy, N = 10"]),
+    strong_row("strong-n20", 20, &["the strong policy, N = 20"]),
 ];
 
 const fn row(
@@ -146,7 +150,12 @@ const fn row(
     updates: u64,
     serves: &'static [&'static str],
 ) -> RowSpec {
-    RowSpec { name, variant, updates, serves }
+    RowSpec { name, variant, updates, n_agents: None, serves }
+}
+
+/// The strong policy among so many agents.
+const fn strong_row(name: &'static str, n_agents: usize, serves: &'static [&'static str]) -> RowSpec {
+    RowSpec { name, variant: STRONG, updates: 1_000, n_agents: Some(n_agents), serves }
 }
 
 /// The row of a name that this program knows.

@@ -11,7 +11,7 @@ use jostle_peds::CrowdKind;
 
 use super::bench::{Bench, Evaluated};
 use super::deployment;
-use super::plan::{STRONG, row_spec};
+use super::plan::row_spec;
 
 /// Rows of Table I in the paper's order, and so on.
 const ROWS_1: [&str; 6] = ["m1", "m5", "m10", "m20", "m10-long", "m20-long"];
@@ -19,6 +19,8 @@ const ROWS_2: [&str; 6] = ["m1", "m5", "n10-m1", "n10-m5", "n20-m1", "n20-m5"];
 const ROWS_3: [&str; 4] = ["m5", "state-action", "state", "m1"];
 const ROWS_4: [(&str, &str); 3] = [("Basic", "m1"), ("Safe", "safety-zone"), ("Ours", "m5")];
 const ROWS_5: [&str; 2] = ["m1", "m5"];
+/// The strong policy by the number of agents.
+pub(super) const ROWS_STRONG: [&str; 3] = ["strong", "strong-n10", "strong-n20"];
 
 /// How values and intervals are to be read.
 const READING: &str = "ours: mean over training seeds (robot's token z = 0). 95 %: with one seed, over its episodes (Wilson for a \
@@ -38,11 +40,15 @@ pub(super) fn table_1(bench: &mut Bench) -> Result<PooledTable> {
 
 /// Success of the policy that is meant to be used, trained beyond the paper's setting. Not of the paper.
 pub(super) fn table_strong(bench: &mut Bench) -> Result<PooledTable> {
-    let evaluated = bench.row(STRONG)?;
-    let mut row = success_row(evaluated, STRONG, vec![STRONG.to_owned()], [0.0; 6], 0.0, "strong");
-    row.paper = vec![None; row.paper.len()];
-    let title = "Beyond the paper: the strong policy (configs/strong.toml)";
-    Ok(success_table(bench, "strong", title, &["policy"], vec![row]))
+    let mut rows = Vec::new();
+    for name in ROWS_STRONG {
+        let labels = vec![row_spec(name).n_agents.unwrap_or(0).to_string()];
+        let mut row = success_row(bench.row(name)?, name, labels, [0.0; 6], 0.0, "strong");
+        row.paper = vec![None; row.paper.len()];
+        rows.push(row);
+    }
+    let title = "Beyond the paper: the strong policy (configs/strong.toml) among N − 1 pedestrians";
+    Ok(success_table(bench, "strong", title, &["N"], rows))
 }
 
 /// Success against the number of agents.
