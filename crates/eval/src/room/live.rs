@@ -5,7 +5,7 @@
 
 use glam::Vec2;
 use jostle_peds::Pedestrian;
-use jostle_sim::{Hit, Motion, Observer, Pose, ScanSummary, Shape, Streams};
+use jostle_sim::{Hit, Motion, Observer, Pose, ScanSummary, Shape, Spawner, Streams};
 
 use super::{EvalRoom, ROBOT, RoomPlan};
 use crate::error::EvalError;
@@ -18,11 +18,14 @@ impl EvalRoom {
     ///
     /// # Errors
     ///
-    /// A goal that the robot cannot reach without a crash: too near to a wall or an obstacle, or beyond.
+    /// A goal that the robot cannot reach without a crash: too near to a wall or an obstacle, or beyond one.
     pub fn set_goal(&mut self, plan: &RoomPlan, goal: Vec2) -> Result<(), EvalError> {
         let least = plan.config.sim.episode.crash_range;
         if !goal.is_finite() || self.world.clearance(goal) < least {
             return refuse("goal", goal, format!("a point at least {least} m from walls and obstacles"));
+        }
+        if !plan.spawner.connects(self.world.pose(ROBOT).position, goal) {
+            return refuse("goal", goal, "a point that the robot can get to".to_owned());
         }
         self.goal = goal;
         self.start = self.world.pose(ROBOT);
@@ -35,16 +38,17 @@ impl EvalRoom {
     ///
     /// # Errors
     ///
-    /// A place that is taken or too near to the robot; no place for its goal.
+    /// A place that is taken or too near to the robot; a room that is too full for one more.
     pub fn add_pedestrian(&mut self, plan: &mut RoomPlan, position: Vec2) -> Result<(), EvalError> {
         let body = self.motions.len();
         let (config, shape) = (&plan.config, self.world.shape(ROBOT).clone());
         let size = shape.circumradius();
         self.check_place(plan, "pedestrian", position, size)?;
+        plan.spawner.check_room(config.n_agents + 1)?;
         let streams = Streams::new(config.seed);
         let indexed = |name: &str| streams.stream(name, &[self.episode, body as u64]);
         let mut rng = indexed("eval.added");
-        let goal = plan.spawner.goal(&self.world, position, &mut rng)?;
+        let goal = plan.spawner.goal(&self.world, position, &mut rng);
         // It sets out towards its goal.
         let pose = Pose::new(position, (goal - position).to_angle());
         self.world.add_body(&shape, pose)?;
@@ -57,7 +61,7 @@ impl EvalRoom {
         self.ranges.resize(self.ranges.len() + config.sim.laser.beams, 0.0);
         self.summaries.push(ScanSummary { min_range: 0.0, nearest: Hit::None });
         self.motions.push(Motion::Still);
-        self.stalled.push(false);
+        self.stops.push(None);
         self.respawned.push(false);
         if plan.senses_by_laser {
             self.observers.push(Observer::new(&config.sim, noise));
@@ -73,7 +77,8 @@ impl EvalRoom {
     ///
     /// # Errors
     ///
-    /// A place that is taken, too near to the robot or on its goal; a shape that the world refuses.
+    /// A place that is taken, too near to the robot or on its goal, or that would cut the robot off from it; a room in which
+    /// starts and goals would no longer find their places; a shape that the world refuses. Nothing is changed then.
     pub fn add_obstacle(&mut self, plan: &mut RoomPlan, shape: Shape, pose: Pose) -> Result<(), EvalError> {
         shape.validate("obstacle")?;
         let size = shape.circumradius();
@@ -82,12 +87,20 @@ impl EvalRoom {
         if self.goal.distance(pose.position) < reach {
             return refuse("obstacle", pose.position, format!("a point at least {reach:.2} m from the goal"));
         }
+        let mut scenario = plan.scenario.clone();
+        scenario.obstacles.push((shape.clone(), pose));
+        let spawner = Spawner::new(&plan.config.sim, &scenario.build()?)?;
+        spawner.check_room(plan.config.n_agents)?;
+        if !spawner.connects(self.world.pose(ROBOT).position, self.goal) {
+            let expected = "a point that leaves the robot a way to its goal".to_owned();
+            return refuse("obstacle", pose.position, expected);
+        }
         self.world.add_obstacle(&shape, pose)?;
-        plan.scenario.obstacles.push((shape, pose));
+        (plan.scenario, plan.spawner) = (scenario, spawner);
         let least = plan.config.sim.episode.crash_range;
         for (pedestrian, rng) in self.pedestrians.iter_mut().zip(&mut self.streams) {
             if self.world.clearance(pedestrian.goal) < least {
-                pedestrian.goal = plan.spawner.goal(&self.world, pedestrian.position, rng)?;
+                pedestrian.goal = plan.spawner.goal(&self.world, pedestrian.position, rng);
             }
         }
         Ok(())
