@@ -127,7 +127,7 @@ fn a_small_room_in_a_large_image_never_runs_out_of_tries() {
     let (_folder, mut config) = mapped_room(1000, 12.4);
     config.episode.step_limit = 1;
     let mut rooms = Rooms::new(&config, 4, 1, 1, &Streams::new(0)).expect("rooms");
-    for _ in 0..400 {
+    for _ in 0..2000 {
         rooms.step(&[[0.0, 0.0]; 4]);
     }
     for (start, goal) in draws(&config, 500) {
