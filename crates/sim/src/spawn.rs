@@ -286,9 +286,9 @@ fn is_far(world: &World, counts: &impl Fn(usize) -> bool, point: Vec2, clearance
 }
 
 /// One of the cells, each as likely as any other.
-fn pick(cells: impl Iterator<Item = usize> + Clone, rng: &mut impl Rng) -> Option<usize> {
+fn pick(mut cells: impl Iterator<Item = usize> + Clone, rng: &mut impl Rng) -> Option<usize> {
     let n = cells.clone().count();
-    (n > 0).then(|| rng.random_range(0..n)).and_then(|k| cells.clone().nth(k))
+    (n > 0).then(|| rng.random_range(0..n)).and_then(|k| cells.nth(k))
 }
 
 /// Why a room has no start.

@@ -148,8 +148,8 @@ mod tests {
         (plan, room)
     }
 
-    /// A free point ahead of the robot, towards the middle of the room.
-    fn free_point(room: &EvalRoom) -> Vec2 {
+    /// Points that are free, the nearest to the robot first.
+    fn free_points(room: &EvalRoom) -> Vec<Vec2> {
         let robot = room.robot().position;
         let grid = (0..81).map(|k| Vec2::new((k % 9) as f32 - 4.0, (k / 9) as f32 - 4.0) * 2.0);
         let mut points: Vec<Vec2> = grid
@@ -160,7 +160,7 @@ mod tests {
             })
             .collect();
         points.sort_by(|a, b| a.distance(robot).total_cmp(&b.distance(robot)));
-        points[0]
+        points
     }
 
     #[test]
@@ -187,7 +187,7 @@ mod tests {
     #[test]
     fn a_pedestrian_that_is_added_is_seen_observes_and_walks() {
         let (mut plan, mut room) = room();
-        let place = free_point(&room);
+        let place = free_points(&room)[0];
         room.add_pedestrian(&mut plan, place).unwrap();
         assert_eq!((plan.config.n_agents, room.pedestrians().len()), (4, 3));
         let row = plan.config.sim.observation_len();
@@ -205,14 +205,41 @@ mod tests {
     }
 
     #[test]
+    fn changes_after_which_nobody_could_be_placed_are_refused_and_change_nothing() {
+        let (mut plan, mut room) = room();
+        let wall = Shape::Box { length: 0.4, width: 21.0 };
+        let (start, goal) = (room.robot().position, room.goal);
+        // A wall from side to side, between the robot and its goal.
+        let middle = Vec2::new((start.x + goal.x) / 2.0, 0.0);
+        let far = |p: &Pedestrian| (p.position.x - middle.x).abs() > 1.0;
+        assert!((start.x - goal.x).abs() > 2.0 && room.pedestrians.iter().all(far));
+        room.world.add_obstacle(&wall, Pose::new(middle, 0.0)).unwrap();
+        plan.scenario.obstacles.push((wall, Pose::new(middle, 0.0)));
+        plan.spawner = Spawner::new(&plan.config.sim, &room.world).unwrap();
+        let message = room.set_goal(&plan, goal).unwrap_err().to_string();
+        assert!(message.ends_with("expected a point that the robot can get to"), "{message}");
+        let obstacles = plan.scenario.obstacles.len();
+        let (disc, place) = (Shape::Circle { radius: 0.1 }, Pose::new(free_points(&room)[0], 0.0));
+        let message = room.add_obstacle(&mut plan, disc, place).unwrap_err().to_string();
+        assert!(message.ends_with("expected a point that leaves the robot a way to its goal"), "{message}");
+        assert_eq!((plan.scenario.obstacles.len(), room.world.n_obstacles()), (obstacles, obstacles));
+        // As many pedestrians as the room holds: each keeps a metre from the others.
+        let full = (2..100).find(|n| plan.spawner.check_room(*n).is_err()).unwrap();
+        plan.config.n_agents = full - 1;
+        let message = room.add_pedestrian(&mut plan, place.position).unwrap_err().to_string();
+        assert!(message.starts_with(&format!("n_agents: found {full}, expected so few")), "{message}");
+        assert_eq!((plan.config.n_agents, room.pedestrians.len()), (full - 1, 2));
+    }
+
+    #[test]
     fn an_obstacle_is_solid_and_covers_no_goal() {
         let (mut plan, mut room) = room();
-        let (covered, disc) = (room.pedestrians[0].goal, Shape::Circle { radius: 0.4 });
-        let crowd_goal = room.add_obstacle(&mut plan, disc.clone(), Pose::new(covered, 0.0));
-        if crowd_goal.is_ok() {
-            assert!(room.pedestrians[0].goal.distance(covered) > 0.9);
-        }
-        let ahead = free_point(&room);
+        let points = free_points(&room);
+        let (ahead, covered, disc) = (points[0], points[points.len() - 1], Shape::Circle { radius: 0.4 });
+        room.pedestrians[0].goal = covered;
+        room.add_obstacle(&mut plan, disc.clone(), Pose::new(covered, 0.0)).unwrap();
+        // As far from the disc as any start or goal.
+        assert!(room.pedestrians[0].goal.distance(covered) >= 1.4 - 1e-4);
         room.add_obstacle(&mut plan, disc.clone(), Pose::new(ahead, 0.0)).unwrap();
         assert!(room.add_obstacle(&mut plan, disc.clone(), Pose::new(room.goal, 0.0)).is_err());
         assert!(room.add_pedestrian(&mut plan, ahead).is_err());
