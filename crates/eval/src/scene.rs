@@ -368,9 +368,12 @@ fn refuse(field: &'static str, found: impl fmt::Display, expected: &str) -> Resu
 
 #[cfg(test)]
 mod tests {
+    use jostle_peds::CrowdKind;
     use jostle_sim::Streams;
 
     use super::*;
+    use crate::config::EvalConfig;
+    use crate::room::RoomPlan;
 
     fn region(min: [f32; 2], max: [f32; 2]) -> Region {
         Region { min: min.into(), max: max.into() }
@@ -461,6 +464,36 @@ mod tests {
         let (pose, _) = scene.restart(1, others, 50.0, &sim, &world, &mut rng).unwrap();
         assert!(pose.position.x > 8.5, "{pose:?}");
         assert!(scene.next_goal(6, Vec2::ZERO, &sim, &world, &mut rng).is_none());
+    }
+
+    #[test]
+    fn ways_that_nobody_can_go_are_refused() {
+        let check = |change: &dyn Fn(&mut SceneConfig)| {
+            let mut scene = scene();
+            change(&mut scene);
+            let config = EvalConfig { n_agents: 7, scene: Some(scene), ..EvalConfig::default() };
+            RoomPlan::new(&config, CrowdKind::Sf).err().map(|error| error.to_string()).unwrap_or_default()
+        };
+        assert_eq!(check(&|_| ()), "");
+        // From wall to wall, and with a door that is too narrow for the crash range on both sides.
+        let wall = region([4.0, -8.0], [4.2, 8.0]);
+        let message = check(&|scene| scene.blocks.push(wall));
+        assert!(
+            message.starts_with("scene.robot.goal: found [7, -1] to [9, 1], expected a region that"),
+            "{message}"
+        );
+        let door =
+            |width: f32| [region([4.0, -8.0], [4.2, -width / 2.0]), region([4.0, width / 2.0], [4.2, 8.0])];
+        assert!(check(&|scene| scene.blocks.extend(door(0.9))).starts_with("scene.robot.goal: found"));
+        assert_eq!(check(&|scene| scene.blocks.extend(door(1.2))), "");
+        // A part of the pedestrians' start region is cut off.
+        let message = check(&|scene| scene.blocks.push(region([7.9, -8.0], [8.1, 8.0])));
+        assert!(message.starts_with("scene.robot.goal: found"), "{message}");
+        let cut = |scene: &mut SceneConfig| {
+            scene.robot.goal = region([4.0, -1.0], [5.0, 1.0]);
+            scene.blocks.push(region([7.4, -8.0], [7.6, 8.0]));
+        };
+        assert!(check(&cut).starts_with("scene.groups.goal: found"));
     }
 
     #[test]

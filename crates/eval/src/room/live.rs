@@ -7,7 +7,7 @@ use glam::Vec2;
 use jostle_peds::Pedestrian;
 use jostle_sim::{Hit, Motion, Observer, Pose, ScanSummary, Shape, Spawner, Streams};
 
-use super::{EvalRoom, ROBOT, RoomPlan};
+use super::{EvalRoom, ROBOT, RoomPlan, spawn_settings};
 use crate::error::EvalError;
 
 /// What is put into a running room keeps this distance from the robot's crash range (m).
@@ -44,7 +44,9 @@ impl EvalRoom {
         let (config, shape) = (&plan.config, self.world.shape(ROBOT).clone());
         let size = shape.circumradius();
         self.check_place(plan, "pedestrian", position, size)?;
-        plan.spawner.check_room(config.n_agents + 1)?;
+        if config.scene.is_none() {
+            plan.spawner.check_room(config.n_agents + 1)?;
+        }
         let streams = Streams::new(config.seed);
         let indexed = |name: &str| streams.stream(name, &[self.episode, body as u64]);
         let mut rng = indexed("eval.added");
@@ -89,8 +91,10 @@ impl EvalRoom {
         }
         let mut scenario = plan.scenario.clone();
         scenario.obstacles.push((shape.clone(), pose));
-        let spawner = Spawner::new(&plan.config.sim, &scenario.build()?)?;
-        spawner.check_room(plan.config.n_agents)?;
+        let spawner = Spawner::new(&spawn_settings(&plan.config), &scenario.build()?)?;
+        if plan.config.scene.is_none() {
+            spawner.check_room(plan.config.n_agents)?;
+        }
         if !spawner.connects(self.world.pose(ROBOT).position, self.goal) {
             let expected = "a point that leaves the robot a way to its goal".to_owned();
             return refuse("obstacle", pose.position, expected);
