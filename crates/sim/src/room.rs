@@ -212,9 +212,12 @@ impl Room {
         let goal_distance = self.world.pose(agent).position.distance(episode.goal);
         let limits = &self.config.episode;
         // A member of the crowd that has been stopped has a rule of its own.
-        let rule = |scan| match role.learns() {
-            true => self.crash_rule.crash(scan, &self.stops, agent, |_| true),
-            false => crash(scan, limits.crash_range),
+        let rule = |scan| {
+            if role.learns() {
+                self.crash_rule.crash(scan, &self.stops, agent, |_| true)
+            } else {
+                crash(scan, limits.crash_range)
+            }
         };
         let crashed = scan.and_then(rule).or_else(|| self.stopped(agent));
         let mut ended = outcome(goal_distance, limits.goal_radius, crashed);
