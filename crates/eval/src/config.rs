@@ -37,7 +37,8 @@ pub struct EvalConfig {
     pub learned_crash: PedestrianCrash,
     /// Crash of the pedestrians of all other crowds. By contact: ORCA's discs may legally come nearer than the crash range.
     pub pure_crash: PedestrianCrash,
-    /// A re-spawned pedestrian keeps at least this distance from every body's centre (m).
+    /// A re-spawned pedestrian keeps at least this distance from every body's centre (m). Where the others leave no such
+    /// place, it gets the one that is farthest from all of them.
     pub respawn_clearance: f32,
     /// Episodes run side by side. Changes speed and memory alone, never a result.
     pub lock_step: usize,
@@ -91,6 +92,13 @@ impl EvalConfig {
         }
         if !(0.0..=1000.0).contains(&self.respawn_clearance) {
             return refuse("respawn_clearance", self.respawn_clearance.to_string(), "0 to 1000 m");
+        }
+        let least = self.sim.body_clearance_min();
+        if self.n_agents > 1 && self.respawn_clearance < least {
+            let expected = format!(
+                "at least {least} m, a body's radius and the crash range, so that no re-spawn is a crash"
+            );
+            return refuse("respawn_clearance", self.respawn_clearance.to_string(), &expected);
         }
         if self.lock_step == 0 {
             return refuse("lock_step", "0".to_owned(), "at least 1");

@@ -13,8 +13,8 @@ use glam::Vec2;
 use jostle_peds::validation::Gait;
 use jostle_peds::{Crowd, CrowdKind, Motion as Walk, Pedestrian, RoomView, Visibility};
 use jostle_sim::{
-    Hit, Laser, Motion, Observer, Outcome, Pose, ScanSummary, Scenario, Sensor, Shape, SpawnConfig, Spawner,
-    StreamRng, Streams, World, apply_limits, clip_action, crash, outcome,
+    CrashRule, Hit, Laser, Motion, Observer, Outcome, Pose, ScanSummary, Scenario, Sensor, Shape, SimConfig,
+    SpawnConfig, Spawner, Stop, StreamRng, Streams, World, apply_limits, clip_action, outcome,
 };
 
 use crate::config::{EvalConfig, PedestrianCrash};
@@ -40,6 +40,8 @@ pub struct RoomPlan {
     pub scenario: Scenario,
     /// Where starts and goals may be.
     pub spawner: Spawner,
+    /// When the robot, and a pedestrian that goes by its scan, has crashed.
+    pub crash_rule: CrashRule,
     /// Control period, goal radius and speed as the metrics take them.
     pub scale: MetricScale,
 }
@@ -49,7 +51,8 @@ impl RoomPlan {
     ///
     /// # Errors
     ///
-    /// Settings out of range; a map that cannot be read; a crowd of one's own, whose name does not say what it sees.
+    /// Settings out of range; a map that cannot be read; a room without places for so many; a crowd of one's own, whose name
+    /// does not say what it sees. What passes here never fails to find a start, a goal or a place for a re-spawn.
     pub fn new(config: &EvalConfig, crowd: CrowdKind) -> Result<Self, EvalError> {
         let visibility = config.crowds.visibility.of(crowd).ok_or(EvalError::OwnCrowd { crowd })?;
         Self::with(config, crowd, visibility, crowd.is_learned())
@@ -79,9 +82,10 @@ impl RoomPlan {
             None => Scenario::new(&config.sim.room)?,
         };
         let world = scenario.build()?;
-        let spawner = Spawner::new(&spawn_config(config), &world)?;
-        if config.scene.is_none() {
-            spawner.check_room(&world, config.n_agents)?;
+        let spawner = Spawner::new(&spawn_settings(config), &world)?;
+        match &config.scene {
+            Some(scene) => scene.check_ways(&config.sim, &world, &spawner)?,
+            None => spawner.check_room(config.n_agents)?,
         }
         Ok(Self {
             config: config.clone(),
@@ -90,6 +94,7 @@ impl RoomPlan {
             senses_by_laser,
             scenario,
             spawner,
+            crash_rule: CrashRule::new(&config.sim),
             scale: metric_scale(config),
         })
     }
@@ -105,12 +110,13 @@ impl RoomPlan {
 }
 
 /// A scene places its bodies itself; what is added to it later may be put anywhere.
-fn spawn_config(config: &EvalConfig) -> SpawnConfig {
-    let spawn = config.sim.spawn.clone();
-    let Some(scene) = &config.scene else { return spawn };
-    let size = scene.floor.max - scene.floor.min;
-    let wall_clearance = spawn.wall_clearance.min(size.min_element() / 4.0);
-    SpawnConfig { goal_distance: 0.0, wall_clearance, ..spawn }
+pub(crate) fn spawn_settings(config: &EvalConfig) -> SimConfig {
+    let mut sim = config.sim.clone();
+    if config.scene.is_some() {
+        let wall_clearance = sim.passing_radius();
+        sim.spawn = SpawnConfig { goal_distance: 0.0, wall_clearance, ..sim.spawn };
+    }
+    sim
 }
 
 /// The settings as decimal numbers: 0.1, not the f32 nearest to it.
@@ -165,7 +171,8 @@ pub struct EvalRoom {
     ranges: Vec<f32>,
     summaries: Vec<ScanSummary>,
     motions: Vec<Motion>,
-    stalled: Vec<bool>,
+    /// What stopped each body in the last step.
+    stops: Vec<Option<Stop>>,
     respawned: Vec<bool>,
     steps: u32,
     path_length: f64,
@@ -177,7 +184,7 @@ impl EvalRoom {
     ///
     /// # Errors
     ///
-    /// If the room is too full for another body.
+    /// Walls or obstacles that the world refuses.
     pub fn new(plan: &RoomPlan, laser: &Laser, episode: u64) -> Result<Self, EvalError> {
         Self::seeded(plan, laser, plan.config.seed, episode)
     }
@@ -203,7 +210,7 @@ impl EvalRoom {
             (goals, stands_from) = (placing.goals, placing.stands_from);
         } else {
             for _ in 0..config.n_agents {
-                let (pose, goal) = plan.spawner.start_and_goal(&world, |_| true, &mut spawn)?;
+                let (pose, goal) = plan.spawner.start_and_goal(&world, |_| true, &mut spawn);
                 world.add_body(&shape, pose)?;
                 goals.push(goal);
             }
@@ -233,7 +240,7 @@ impl EvalRoom {
             ranges: vec![0.0; config.n_agents * sim.laser.beams],
             summaries: vec![ScanSummary { min_range: 0.0, nearest: Hit::None }; config.n_agents],
             motions: vec![Motion::Still; config.n_agents],
-            stalled: vec![false; config.n_agents],
+            stops: vec![None; config.n_agents],
             respawned: vec![false; config.n_agents],
             steps: 0,
             path_length: 0.0,
@@ -332,7 +339,7 @@ impl EvalRoom {
     ///
     /// # Errors
     ///
-    /// An action that is not finite; no place for a re-spawn.
+    /// An action that is not finite.
     pub fn step(
         &mut self,
         plan: &RoomPlan,
@@ -346,7 +353,7 @@ impl EvalRoom {
         }
         let crashed: Vec<bool> = (1..self.motions.len()).map(|body| self.has_crashed(plan, body)).collect();
         for (i, crashed) in crashed.into_iter().enumerate() {
-            self.renew_pedestrian(plan, i, crashed)?;
+            self.renew_pedestrian(plan, i, crashed);
         }
         self.advance_gaits(plan);
         for body in 0..self.observers.len() {
@@ -390,9 +397,9 @@ impl EvalRoom {
         }
         let directions: Vec<Vec2> =
             (1..self.motions.len()).map(|body| self.world.pose(body).direction()).collect();
-        self.world.advance(&self.motions, dt, &mut self.stalled);
+        self.world.advance_to_stops(&self.motions, dt, &mut self.stops);
         self.steps += 1;
-        self.velocity = if self.stalled[ROBOT] { [0.0; 2] } else { executed };
+        self.velocity = if self.stops[ROBOT].is_some() { [0.0; 2] } else { executed };
         // Not the distance of the positions: in f32 their rounding adds up to 1e-5 m over an episode, and the way would
         // exceed what the speed allows.
         self.path_length += f64::from(self.velocity[0].abs()) * plan.scale.dt;
@@ -401,8 +408,8 @@ impl EvalRoom {
             pedestrian.position = pose.position;
             pedestrian.heading = pose.heading;
             pedestrian.velocity = match self.motions[i + 1] {
-                Motion::Walk { velocity } if !self.stalled[i + 1] => velocity,
-                Motion::Drive { v, .. } if !self.stalled[i + 1] => directions[i] * v,
+                Motion::Walk { velocity } if self.stops[i + 1].is_none() => velocity,
+                Motion::Drive { v, .. } if self.stops[i + 1].is_none() => directions[i] * v,
                 _ => Vec2::ZERO,
             };
         }
@@ -430,7 +437,7 @@ impl EvalRoom {
     fn outcome(&self, plan: &RoomPlan) -> Option<EpisodeOutcome> {
         let limits = &plan.config.sim.episode;
         let goal_distance = self.world.pose(ROBOT).position.distance(self.goal);
-        let crash = crash(self.summaries[ROBOT], limits.crash_range);
+        let crash = plan.crash_rule.crash(self.summaries[ROBOT], &self.stops, ROBOT, |_| true);
         match outcome(goal_distance, limits.goal_radius, crash) {
             Some(Outcome::Success) => Some(EpisodeOutcome::Success),
             Some(Outcome::CollisionWall) => Some(EpisodeOutcome::CollisionWall),
@@ -454,43 +461,33 @@ impl EvalRoom {
     }
 
     /// A new goal for a pedestrian that arrived, a new place and goal for one that crashed.
-    fn renew_pedestrian(&mut self, plan: &RoomPlan, i: usize, crashed: bool) -> Result<(), EvalError> {
+    fn renew_pedestrian(&mut self, plan: &RoomPlan, i: usize, crashed: bool) {
         let body = i + 1;
         let position = self.pedestrians[i].position;
         let arrived = position.distance(self.pedestrians[i].goal) < plan.config.sim.episode.goal_radius;
         if !(crashed || arrived) || self.stands(plan, i) {
-            return Ok(());
+            return;
         }
         let (sim, clearance) = (&plan.config.sim, plan.config.respawn_clearance);
         let (world, rng) = (&self.world, &mut self.streams[i]);
         let scene = plan.config.scene.as_ref();
-        let mut goal = None;
         if crashed {
             let others =
                 || (0..world.n_bodies()).filter(|other| *other != body).map(|other| world.pose(other));
             let restart = scene.and_then(|s| s.restart(i, others().collect(), clearance, sim, world, rng));
-            let pose = match restart {
-                Some((pose, next)) => {
-                    goal = Some(next);
-                    pose
-                }
-                None => plan.spawner.start(world, |other| other != body, clearance, rng)?,
-            };
+            let (pose, goal) =
+                restart.unwrap_or_else(|| plan.spawner.respawn(world, |other| other != body, clearance, rng));
             self.world.set_pose(body, pose);
             let pedestrian = &mut self.pedestrians[i];
             (pedestrian.position, pedestrian.heading) = (pose.position, pose.heading);
+            pedestrian.goal = goal;
             pedestrian.velocity = Vec2::ZERO;
             self.motions[body] = Motion::Still;
             self.respawned[body] = true;
         } else {
-            goal = scene.and_then(|scene| scene.next_goal(i, position, sim, world, rng));
+            let goal = scene.and_then(|scene| scene.next_goal(i, position, sim, world, rng));
+            self.pedestrians[i].goal = goal.unwrap_or_else(|| plan.spawner.goal(world, position, rng));
         }
-        let (world, rng) = (&self.world, &mut self.streams[i]);
-        self.pedestrians[i].goal = match goal {
-            Some(goal) => goal,
-            None => plan.spawner.goal(world, self.pedestrians[i].position, rng)?,
-        };
-        Ok(())
     }
 
     /// Whether a pedestrian ran into a wall, an obstacle or another pedestrian. The robot does not count, and who stands by the
@@ -501,7 +498,8 @@ impl EvalRoom {
             return false;
         }
         match plan.crash() {
-            PedestrianCrash::Contact => self.stalled[body] && !self.touches_robot_alone(plan, body),
+            PedestrianCrash::Contact => self.stops[body].is_some() && !self.touches_robot_alone(plan, body),
+            PedestrianCrash::Scan if self.has_touched(plan, body) => true,
             PedestrianCrash::Scan => {
                 let limit = plan.config.sim.episode.crash_range;
                 let seen = self.summaries[body];
@@ -517,6 +515,16 @@ impl EvalRoom {
                 self.laser.scan(&self.world, Sensor::Body(body), without_robot, &mut ranges).min_range < limit
             }
         }
+    }
+
+    /// Whether a pedestrian that goes by its scan was stopped by something which no scan is certain to show.
+    fn has_touched(&self, plan: &RoomPlan, body: usize) -> bool {
+        plan.crash_rule.bodies_touch()
+            && match self.stops[body] {
+                Some(Stop::Wall | Stop::Obstacle(_)) => true,
+                Some(Stop::Body(other)) => other != ROBOT && plan.visibility.pedestrians,
+                Some(Stop::Command) | None => false,
+            }
     }
 
     /// Whether the robot may be what stopped a body: it is near, and nothing else is within reach of one step.
@@ -552,7 +560,7 @@ impl EvalRoom {
         let row = &mut self.observations[body * row_len..(body + 1) * row_len];
         let goal = if body == ROBOT { self.goal } else { self.pedestrians[body - 1].goal };
         let velocity = match self.motions[body] {
-            Motion::Drive { v, w } if !self.stalled[body] => [v, w],
+            Motion::Drive { v, w } if self.stops[body].is_none() => [v, w],
             _ => [0.0; 2],
         };
         self.observers[body].write_motion(self.world.pose(body), goal, velocity, row);

@@ -7,7 +7,7 @@
 use std::fmt;
 
 use glam::Vec2;
-use jostle_sim::{Pose, Scenario, Shape, SimConfig, World};
+use jostle_sim::{Pose, Scenario, Shape, SimConfig, Spawner, World};
 use rand::{Rng, RngExt as _};
 use serde::{Deserialize, Serialize};
 
@@ -41,6 +41,14 @@ impl Region {
 
     fn centre(&self) -> Vec2 {
         (self.min + self.max) / 2.0
+    }
+
+    /// Those centres of the cells of a grid that keep `clearance` from walls and blocks.
+    fn free_points(&self, world: &World, clearance: f32) -> impl Iterator<Item = Vec2> {
+        let (min, cell) = (self.min, (self.max - self.min) / GRID as f32);
+        let centre =
+            move |i: u32| min + cell * (Vec2::new((i % GRID) as f32, (i / GRID) as f32) + Vec2::splat(0.5));
+        (0..GRID * GRID).map(centre).filter(move |point| world.clearance(*point) >= clearance)
     }
 
     fn contains(&self, other: &Self) -> bool {
@@ -200,16 +208,35 @@ impl SceneConfig {
         if !region.is_sound() || !self.floor.contains(region) {
             return refuse(field, region, "a rectangle with an area, within the floor");
         }
+        let n_free = region.free_points(world, clearance).count();
         let cell = (region.max - region.min) / GRID as f32;
-        let centre =
-            |i: u32| region.min + cell * (Vec2::new((i % GRID) as f32, (i / GRID) as f32) + Vec2::splat(0.5));
-        let n_free = (0..GRID * GRID).filter(|i| world.clearance(centre(*i)) >= clearance).count();
         let area = n_free as f32 * cell.x * cell.y;
         if n_free == 0 || (n_bodies > 1 && area < AREA_OF_BODY * n_bodies as f32) {
             let expected = format!("{AREA_OF_BODY} m² for each body, {clearance:.2} m from walls and blocks");
             return refuse(field, format!("{n_bodies} bodies in {area:.2} m² of {region}"), &expected);
         }
         Ok(())
+    }
+
+    /// Refuses ways that nobody can go: from every free place of a start region one has to get to every free place of its goal
+    /// region without a crash into walls and blocks. The spawner is that of the scene's room.
+    ///
+    /// # Errors
+    ///
+    /// The first goal region that cannot be reached.
+    pub fn check_ways(&self, sim: &SimConfig, world: &World, spawner: &Spawner) -> Result<(), EvalError> {
+        let clearance = clearance(sim);
+        let check = |field: &'static str, start: &Region, goal: &Region| {
+            let mut ends = start.free_points(world, clearance).chain(goal.free_points(world, clearance));
+            let first = ends.next();
+            if first.is_none_or(|first| ends.all(|end| spawner.connects(first, end))) {
+                return Ok(());
+            }
+            refuse(field, goal, &format!("a region that can be reached from all of {start}"))
+        };
+        check("scene.robot.goal", &self.robot.start, &self.robot.goal)?;
+        let walking = self.groups.iter().filter(|group| !matches!(group.manner, Manner::Stands { .. }));
+        walking.into_iter().try_for_each(|group| check("scene.groups.goal", &group.start, &group.goal))
     }
 
     /// Draws an episode's starts and goals: the robot first, so that its own do not depend on the pedestrians, then group by
@@ -341,9 +368,12 @@ fn refuse(field: &'static str, found: impl fmt::Display, expected: &str) -> Resu
 
 #[cfg(test)]
 mod tests {
+    use jostle_peds::CrowdKind;
     use jostle_sim::Streams;
 
     use super::*;
+    use crate::config::EvalConfig;
+    use crate::room::RoomPlan;
 
     fn region(min: [f32; 2], max: [f32; 2]) -> Region {
         Region { min: min.into(), max: max.into() }
@@ -434,6 +464,36 @@ mod tests {
         let (pose, _) = scene.restart(1, others, 50.0, &sim, &world, &mut rng).unwrap();
         assert!(pose.position.x > 8.5, "{pose:?}");
         assert!(scene.next_goal(6, Vec2::ZERO, &sim, &world, &mut rng).is_none());
+    }
+
+    #[test]
+    fn ways_that_nobody_can_go_are_refused() {
+        let check = |change: &dyn Fn(&mut SceneConfig)| {
+            let mut scene = scene();
+            change(&mut scene);
+            let config = EvalConfig { n_agents: 7, scene: Some(scene), ..EvalConfig::default() };
+            RoomPlan::new(&config, CrowdKind::Sf).err().map(|error| error.to_string()).unwrap_or_default()
+        };
+        assert_eq!(check(&|_| ()), "");
+        // From wall to wall, and with a door that is too narrow for the crash range on both sides.
+        let wall = region([4.0, -8.0], [4.2, 8.0]);
+        let message = check(&|scene| scene.blocks.push(wall));
+        assert!(
+            message.starts_with("scene.robot.goal: found [7, -1] to [9, 1], expected a region that"),
+            "{message}"
+        );
+        let door =
+            |width: f32| [region([4.0, -8.0], [4.2, -width / 2.0]), region([4.0, width / 2.0], [4.2, 8.0])];
+        assert!(check(&|scene| scene.blocks.extend(door(0.9))).starts_with("scene.robot.goal: found"));
+        assert_eq!(check(&|scene| scene.blocks.extend(door(1.2))), "");
+        // A part of the pedestrians' start region is cut off.
+        let message = check(&|scene| scene.blocks.push(region([7.9, -8.0], [8.1, 8.0])));
+        assert!(message.starts_with("scene.robot.goal: found"), "{message}");
+        let cut = |scene: &mut SceneConfig| {
+            scene.robot.goal = region([4.0, -1.0], [5.0, 1.0]);
+            scene.blocks.push(region([7.4, -8.0], [7.6, 8.0]));
+        };
+        assert!(check(&cut).starts_with("scene.groups.goal: found"));
     }
 
     #[test]

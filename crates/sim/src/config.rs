@@ -4,6 +4,7 @@
 //! (Long et al. 2018, arXiv:1709.10082). [`SimConfig::validate`] is the only gate: what has passed it cannot fail later
 //! for a reason of range or type.
 
+use crate::geometry::Shape;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -38,6 +39,18 @@ impl SimConfig {
     /// Length of one observation row: three scans, the goal and the velocity.
     pub fn observation_len(&self) -> usize {
         FRAMES * self.laser.beams + EXTRAS
+    }
+
+    /// Distance from walls and obstacles that lets a robot be somewhere without a crash, whatever its heading, m: the crash
+    /// range, or the body's circumradius where that is larger.
+    pub fn passing_radius(&self) -> f32 {
+        self.episode.crash_range.max(self.robot.circumradius())
+    }
+
+    /// Distance between the centres of two bodies at which neither has crashed, whatever their headings, m: as
+    /// [`SimConfig::passing_radius`] from the nearest point of the other.
+    pub fn body_clearance_min(&self) -> f32 {
+        self.robot.circumradius() + self.passing_radius()
     }
 }
 
@@ -80,6 +93,13 @@ pub struct RobotConfig {
 impl Default for RobotConfig {
     fn default() -> Self {
         Self { length: 0.5, width: 0.5, v_max: 1.0, w_max: 1.0, acceleration: None }
+    }
+}
+
+impl RobotConfig {
+    /// Distance from the body's centre to its corners, m.
+    pub fn circumradius(&self) -> f32 {
+        Shape::Box { length: self.length, width: self.width }.circumradius()
     }
 }
 
@@ -130,7 +150,8 @@ pub enum LaserKernel {
 pub struct EpisodeConfig {
     /// The goal is reached nearer than this, m. (Long et al. use 0.1.)
     pub goal_radius: f32,
-    /// A robot whose least noise-free range is below this has crashed, m.
+    /// A robot whose least noise-free range is below this has crashed, m. So has one that was stopped by something which
+    /// no such range shows.
     pub crash_range: f32,
     /// An episode that lasts this many steps is truncated.
     pub step_limit: u32,
@@ -148,11 +169,11 @@ impl Default for EpisodeConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SpawnConfig {
-    /// Least distance of a start or goal from walls and obstacles, m.
+    /// Least distance of a start or goal from walls and obstacles, m; at least the crash range and the body's circumradius.
     pub wall_clearance: f32,
-    /// Least distance of a start from every other body's centre, m.
+    /// Least distance of a start from every other body's centre, m; at least two circumradii, and one with the crash range.
     pub body_clearance: f32,
-    /// Least distance of a goal from its start, m.
+    /// Least distance of a goal from its start, m. A goal can be reached from its start.
     pub goal_distance: f32,
 }
 

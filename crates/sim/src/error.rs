@@ -30,16 +30,6 @@ pub enum SimError {
         /// What would have been accepted.
         expected: String,
     },
-    /// No free place was found for a body or a goal.
-    #[error(
-        "no free place for {what} after {tries} tries: the room is too full or too small for the spawn distances"
-    )]
-    NoSpace {
-        /// What was to be placed.
-        what: String,
-        /// How many candidates were rejected.
-        tries: u32,
-    },
 }
 
 impl SimError {

@@ -10,10 +10,12 @@
 #![deny(unsafe_code)]
 
 mod config;
+mod crash;
 #[cfg(test)]
 mod crowd_tests;
 mod episode;
 mod error;
+mod free_space;
 mod geometry;
 mod laser;
 pub mod maps;
@@ -35,6 +37,7 @@ pub use config::{
     AccelerationLimits, EXTRAS, EpisodeConfig, FRAMES, LaserConfig, LaserKernel, OBSERVATION_LEN,
     RewardConfig, RobotConfig, RoomConfig, SafetyZoneConfig, SimConfig, SpawnConfig,
 };
+pub use crash::{CrashRule, crash};
 pub use episode::{EpisodeSummary, Outcome, StepEnd};
 pub use error::SimError;
 pub use geometry::{Pose, Shape};
@@ -43,11 +46,10 @@ pub use motion::{Motion, apply_limits, clip_action};
 pub use observation::Observer;
 pub use reward::{ZoneBody, outcome, reward, safety_zone};
 pub use rng::{StreamRng, Streams};
-pub use room::crash;
 pub use rooms::{Rooms, RoomsMut, Transition};
 pub use scenario::Scenario;
 pub use spawn::Spawner;
 pub use state::RoomsState;
 pub use traits::{Role, TrainingCrowd};
 pub use trig::wrap_angle;
-pub use world::World;
+pub use world::{Stop, World};

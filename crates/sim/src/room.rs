@@ -4,10 +4,11 @@
 //! placed anew, in index order, and take their first scan. The others see a re-placed robot from their next scan on.
 
 use crate::config::SimConfig;
+use crate::crash::{CrashRule, crash};
 use crate::episode::{EpisodeSummary, Outcome, StepEnd};
 use crate::error::SimError;
 use crate::geometry::{Pose, Shape};
-use crate::laser::{Hit, Laser, ScanSummary, Sensor};
+use crate::laser::{Laser, ScanSummary, Sensor};
 use crate::motion::{Motion, apply_limits, clip_action};
 use crate::observation::Observer;
 use crate::reward::{ZoneBody, outcome, reward, safety_zone};
@@ -16,7 +17,7 @@ use crate::rooms::Transition;
 use crate::scenario::Scenario;
 use crate::spawn::Spawner;
 use crate::traits::{TrainingCrowd, Traits};
-use crate::world::World;
+use crate::world::{Stop, World};
 use glam::Vec2;
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
@@ -58,12 +59,13 @@ pub(crate) struct Room {
     n_behaviours: u32,
     pub(crate) world: World,
     spawner: Spawner,
+    crash_rule: CrashRule,
     laser: Laser,
     pub(crate) agents: Vec<Agent>,
     pub(crate) episodes: Vec<Episode>,
     pub(crate) traits: Vec<Traits>,
     motions: Vec<Motion>,
-    stalled: Vec<bool>,
+    stops: Vec<Option<Stop>>,
     /// Robots that were taken out of the room.
     absent: Vec<bool>,
     ranges: Vec<f32>,
@@ -73,7 +75,7 @@ impl Room {
     /// A room whose robots are not placed yet: [`Room::begin`] or a restored state does that.
     pub(crate) fn new(
         (config, crowd): (&Arc<SimConfig>, &Arc<TrainingCrowd>),
-        scenario: &Scenario,
+        (scenario, spawner): (&Scenario, &Spawner),
         laser: &Laser,
         n_agents: usize,
         n_behaviours: u32,
@@ -81,7 +83,6 @@ impl Room {
         room: u64,
     ) -> Result<Self, SimError> {
         let mut world = scenario.build()?;
-        let spawner = Spawner::new(&config.spawn, &world)?;
         let body = Shape::Box { length: config.robot.length, width: config.robot.width };
         let agent = |agent: u64| Agent {
             observer: Observer::new(config, streams.stream("noise", &[room, agent])),
@@ -97,32 +98,27 @@ impl Room {
             crowd: Arc::clone(crowd),
             n_behaviours,
             world,
-            spawner,
+            spawner: spawner.clone(),
+            crash_rule: CrashRule::new(config),
             laser: laser.sibling(),
             agents: (0..n_agents as u64).map(agent).collect(),
             episodes: vec![Episode::default(); n_agents],
             traits: vec![Traits::default(); n_agents],
             motions: vec![Motion::Still; n_agents],
-            stalled: vec![false; n_agents],
+            stops: vec![None; n_agents],
             absent: vec![false; n_agents],
             ranges: vec![0.0; config.laser.beams],
         })
     }
 
-    /// Whether the room is large enough for its robots.
-    pub(crate) fn check(&self) -> Result<(), SimError> {
-        self.spawner.check_room(&self.world, self.agents.len())
-    }
-
     /// Places all robots and writes their first observations.
-    pub(crate) fn begin(&mut self, buffers: &mut RoomBuffers<'_>) -> Result<(), SimError> {
+    pub(crate) fn begin(&mut self, buffers: &mut RoomBuffers<'_>) {
         for agent in 0..self.agents.len() {
-            self.place(agent, agent, buffers.tokens)?;
+            self.place(agent, agent, buffers.tokens);
         }
         for agent in 0..self.agents.len() {
             self.observe_first(agent, buffers.observations);
         }
-        Ok(())
     }
 
     /// One control period.
@@ -137,8 +133,7 @@ impl Room {
             }
         }
         for agent in (0..n_agents).filter(|a| !buffers.transitions[*a].end.is_running()) {
-            self.place(agent, n_agents, buffers.tokens)
-                .expect("the room was found to be large enough when it was made");
+            self.place(agent, n_agents, buffers.tokens);
         }
         for agent in (0..n_agents).filter(|a| !buffers.transitions[*a].end.is_running()) {
             self.observe_first(agent, buffers.observations);
@@ -172,12 +167,11 @@ impl Room {
             self.episodes[agent].velocity = [v, w];
             self.motions[agent] = if self.absent[agent] { Motion::Still } else { Motion::Drive { v, w } };
         }
-        self.world.advance(&self.motions, dt, &mut self.stalled);
-        for ((episode, traits), stalled) in self.episodes.iter_mut().zip(&mut self.traits).zip(&self.stalled)
-        {
-            traits.count_stall(*stalled);
+        self.world.advance_to_stops(&self.motions, dt, &mut self.stops);
+        for ((episode, traits), stop) in self.episodes.iter_mut().zip(&mut self.traits).zip(&self.stops) {
+            traits.count_stall(stop.is_some());
             let [v, _] = episode.velocity;
-            if *stalled {
+            if stop.is_some() {
                 episode.velocity = [0.0, 0.0];
             } else {
                 episode.path_length += f64::from(v.abs() * dt);
@@ -217,7 +211,15 @@ impl Room {
         let episode = self.episodes[agent];
         let goal_distance = self.world.pose(agent).position.distance(episode.goal);
         let limits = &self.config.episode;
-        let crashed = scan.and_then(|scan| crash(scan, limits.crash_range)).or_else(|| self.stopped(agent));
+        // A member of the crowd that has been stopped has a rule of its own.
+        let rule = |scan| {
+            if role.learns() {
+                self.crash_rule.crash(scan, &self.stops, agent, |_| true)
+            } else {
+                crash(scan, limits.crash_range)
+            }
+        };
+        let crashed = scan.and_then(rule).or_else(|| self.stopped(agent));
         let mut ended = outcome(goal_distance, limits.goal_radius, crashed);
         let w = buffers.transitions[agent].executed[1];
         let mut worth = reward(&self.config.reward, ended, episode.goal_distance - goal_distance, w);
@@ -230,7 +232,7 @@ impl Room {
         let mut goal_distance = goal_distance;
         if !role.learns() && self.walks_on(agent, ended) {
             ended = None;
-            goal_distance = self.renew_goal(agent).unwrap_or(goal_distance);
+            goal_distance = self.renew_goal(agent);
         }
         let (limits, episode) = (&self.config.episode, &mut self.episodes[agent]);
         episode.goal_distance = goal_distance;
@@ -261,10 +263,10 @@ impl Room {
     }
 
     /// Gives a member a new goal from where it is and lets it face it at once where the crowd does; returns the distance to the
-    /// goal. `None`, and the old goal, where the room has no goal far enough from there.
-    fn renew_goal(&mut self, agent: usize) -> Option<f32> {
+    /// goal.
+    fn renew_goal(&mut self, agent: usize) -> f32 {
         let pose = self.world.pose(agent);
-        let goal = self.spawner.goal(&self.world, pose.position, &mut self.agents[agent].crowd).ok()?;
+        let goal = self.spawner.goal(&self.world, pose.position, &mut self.agents[agent].crowd);
         self.episodes[agent].goal = goal;
         if self.crowd.turn_at_once {
             let to_goal = goal - pose.position;
@@ -273,23 +275,22 @@ impl Room {
                 self.world.set_pose(agent, pose);
             }
         }
-        Some(pose.position.distance(goal))
+        pose.position.distance(goal)
     }
 
     /// Starts a new episode for one robot: what it is, start, goal and token. The first `n_placed` bodies but itself are in the way.
-    fn place(&mut self, agent: usize, n_placed: usize, tokens: &mut [u32]) -> Result<(), SimError> {
+    fn place(&mut self, agent: usize, n_placed: usize, tokens: &mut [u32]) {
         let streams = &mut self.agents[agent];
         if agent > 0 && !self.crowd.is_off() {
             self.traits[agent] = self.crowd.draw(&mut streams.crowd);
         }
         let in_the_way = |body: usize| body != agent && body < n_placed;
-        let (start, goal) = self.spawner.start_and_goal(&self.world, in_the_way, &mut streams.spawn)?;
+        let (start, goal) = self.spawner.start_and_goal(&self.world, in_the_way, &mut streams.spawn);
         let goal_distance = start.position.distance(goal);
         self.world.set_pose(agent, start);
         self.episodes[agent] =
             Episode { goal, goal_distance, straight_distance: goal_distance, ..Episode::default() };
         tokens[agent] = streams.token.random_range(0..self.n_behaviours);
-        Ok(())
     }
 
     fn observe_first(&mut self, agent: usize, observations: &mut [f32]) {
@@ -308,17 +309,6 @@ impl Room {
     fn zone_body(&self, agent: usize) -> ZoneBody {
         let pose = self.world.pose(agent);
         ZoneBody { position: pose.position, velocity: pose.direction() * self.episodes[agent].velocity[0] }
-    }
-}
-
-/// The collision that a scan amounts to, if its least range is below the crash range.
-pub fn crash(scan: ScanSummary, crash_range: f32) -> Option<Outcome> {
-    if scan.min_range >= crash_range {
-        return None;
-    }
-    match scan.nearest {
-        Hit::Body(_) => Some(Outcome::CollisionAgent),
-        Hit::Wall(_) | Hit::Obstacle(_) | Hit::None => Some(Outcome::CollisionWall),
     }
 }
 

@@ -10,6 +10,7 @@ use crate::laser::Laser;
 use crate::rng::Streams;
 use crate::room::{Room, RoomBuffers};
 use crate::scenario::Scenario;
+use crate::spawn::Spawner;
 use crate::traits::{Role, TrainingCrowd};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -92,9 +93,8 @@ impl Rooms {
         streams: &Streams,
     ) -> Result<Self, SimError> {
         let mut rooms = Self::unplaced((config, crowd), n_rooms, n_agents, n_behaviours, *streams)?;
-        rooms.rooms[0].check()?;
         let mut all = rooms.all_mut();
-        all.try_for_each(|room, mut buffers| room.begin(&mut buffers))?;
+        all.par_rooms().for_each(|(room, mut buffers)| room.begin(&mut buffers));
         Ok(rooms)
     }
 
@@ -117,8 +117,11 @@ impl Rooms {
         let (config, scenario) = (Arc::new(config.clone()), Scenario::new(&config.room)?);
         let crowd = Arc::new(crowd.clone());
         let laser = Laser::new(&config.laser)?;
+        let spawner = Spawner::new(&config, &scenario.build()?)?;
+        spawner.check_room(n_agents)?;
         let room = |r: usize| {
-            Room::new((&config, &crowd), &scenario, &laser, n_agents, n_behaviours, streams, r as u64)
+            let place = (&scenario, &spawner);
+            Room::new((&config, &crowd), place, &laser, n_agents, n_behaviours, streams, r as u64)
         };
         let rooms = (0..n_rooms).map(room).collect::<Result<Vec<_>, _>>()?;
         let n = n_rooms * n_agents;
@@ -333,12 +336,5 @@ impl<'a> RoomsMut<'a> {
             .map(|((((room, observations), finals), tokens), transitions)| {
                 (room, RoomBuffers { observations, finals, tokens, transitions })
             })
-    }
-
-    fn try_for_each(
-        &mut self,
-        work: impl Fn(&mut Room, RoomBuffers<'_>) -> Result<(), SimError> + Sync,
-    ) -> Result<(), SimError> {
-        self.par_rooms().map(|(room, buffers)| work(room, buffers)).collect()
     }
 }

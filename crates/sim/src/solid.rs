@@ -63,6 +63,21 @@ impl Solid {
         ParryPose::from_parts(self.pose.position, rotation)
     }
 
+    /// Distance from a point to the solid, m; 0 inside.
+    pub(crate) fn distance_to(&self, point: Vec2) -> f32 {
+        let offset = point - self.pose.position;
+        match &self.shape {
+            Shape::Circle { radius } => (offset.length() - radius).max(0.0),
+            Shape::Box { length, width } => {
+                let local = Vec2::new(self.rotation.dot(offset), self.rotation.perp_dot(offset));
+                (local.abs() - Vec2::new(*length, *width) / 2.0).max(Vec2::ZERO).length()
+            }
+            Shape::Segment { .. } | Shape::Polygon { .. } => {
+                self.parry.distance_to_point(&self.parry_pose(), point, true)
+            }
+        }
+    }
+
     /// Whether two solids share a point; touching counts.
     pub(crate) fn overlaps(&self, other: &Self) -> bool {
         let reach = self.circumradius + other.circumradius;

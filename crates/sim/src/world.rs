@@ -30,6 +30,19 @@ pub struct World {
     walls: Option<Walls>,
 }
 
+/// What stopped a body's move.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stop {
+    /// A wall.
+    Wall,
+    /// An obstacle, by its index.
+    Obstacle(usize),
+    /// Another body, by its index.
+    Body(usize),
+    /// Nothing in the world: the command is not finite, or its way too long to be tested.
+    Command,
+}
+
 /// The inner faces of an axis-parallel room.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Walls {
@@ -148,55 +161,86 @@ impl World {
         assert_eq!(motions.len(), self.bodies.len(), "one motion per body");
         assert_eq!(stalled.len(), self.bodies.len(), "one stall flag per body");
         for (body, (motion, stalled)) in motions.iter().zip(stalled).enumerate() {
-            *stalled = !self.try_move(body, *motion, dt);
+            *stalled = self.try_move(body, *motion, dt).is_some();
         }
     }
 
-    /// One body's move; false, and the pose untouched, when it is blocked.
-    fn try_move(&mut self, body: usize, motion: Motion, dt: f32) -> bool {
+    /// As [`World::advance`], and tells of every body what stopped it; of several things the first in the order wall, body,
+    /// obstacle. `None` for those that moved.
+    ///
+    /// # Panics
+    ///
+    /// When `motions` or `stops` does not have one entry per body.
+    pub fn advance_to_stops(&mut self, motions: &[Motion], dt: f32, stops: &mut [Option<Stop>]) {
+        assert_eq!(motions.len(), self.bodies.len(), "one motion per body");
+        assert_eq!(stops.len(), self.bodies.len(), "one stop per body");
+        for (body, (motion, stop)) in motions.iter().zip(stops).enumerate() {
+            *stop = self.try_move(body, *motion, dt);
+        }
+    }
+
+    /// One body's move; what stopped it, and the pose untouched, when it is blocked.
+    fn try_move(&mut self, body: usize, motion: Motion, dt: f32) -> Option<Stop> {
         let solid = &self.bodies[body];
         let start = solid.pose;
         let (shift, turn) = match motion {
-            Motion::Still => return true,
+            Motion::Still => return None,
             Motion::Drive { v, w } => (solid.rotation * (v * dt), w * dt),
             Motion::Walk { velocity } => (velocity * dt, 0.0),
         };
         if shift == Vec2::ZERO && turn == 0.0 {
-            return true;
+            return None;
         }
         let reach = shift.length() + turn.abs().min(std::f32::consts::TAU) * solid.circumradius;
         let n_steps = (reach / solid.half_width).ceil().max(1.0);
         // A command that is not finite ends here too: its count of sub-steps is NaN or infinite.
-        let walkable = n_steps <= SUB_STEPS_MAX && turn.is_finite();
-        let n_steps = if walkable { n_steps as u32 } else { 0 };
-        let free = walkable && (1..=n_steps).all(|step| self.fits(body, start, shift, turn, step, n_steps));
-        if !free {
-            self.bodies[body].place(start);
-            return false;
+        if n_steps > SUB_STEPS_MAX || n_steps.is_nan() || !turn.is_finite() {
+            return Some(Stop::Command);
         }
-        self.publish(body);
-        true
+        let n_steps = n_steps as u32;
+        let stop = (1..=n_steps).find_map(|step| self.stop_at(body, start, shift, turn, step, n_steps));
+        if stop.is_some() {
+            self.bodies[body].place(start);
+        } else {
+            self.publish(body);
+        }
+        stop
     }
 
-    /// Puts a body `step`/`n_steps` of the way along its move and tells whether it is free there.
-    fn fits(&mut self, body: usize, start: Pose, shift: Vec2, turn: f32, step: u32, n_steps: u32) -> bool {
+    /// Puts a body `step`/`n_steps` of the way along its move and tells what stops it there.
+    fn stop_at(
+        &mut self,
+        body: usize,
+        start: Pose,
+        shift: Vec2,
+        turn: f32,
+        step: u32,
+        n_steps: u32,
+    ) -> Option<Stop> {
         let part = if step == n_steps { 1.0 } else { step as f32 / n_steps as f32 };
         let heading = wrap_angle(f64::from(start.heading) + f64::from(turn * part));
         let pose = Pose { position: start.position + shift * part, heading };
         if !pose.is_finite() {
-            return false;
+            return Some(Stop::Command);
         }
         self.bodies[body].place(pose);
-        !self.is_blocked(body)
+        self.blocker(body)
     }
 
     /// Whether a body touches another body, an obstacle or a wall where it stands.
     pub fn is_blocked(&self, body: usize) -> bool {
+        self.blocker(body).is_some()
+    }
+
+    /// What a body touches where it stands: the first in the order wall, body, obstacle.
+    fn blocker(&self, body: usize) -> Option<Stop> {
         let solid = &self.bodies[body];
+        if self.walls.is_some_and(|walls| walls.block(solid)) {
+            return Some(Stop::Wall);
+        }
         let hits_body = |(i, other): (usize, &Solid)| i != body && solid.overlaps(other);
-        self.walls.is_some_and(|walls| walls.block(solid))
-            || self.bodies.iter().enumerate().any(hits_body)
-            || self.obstacles.iter().any(|obstacle| solid.overlaps(obstacle))
+        let other = self.bodies.iter().enumerate().position(hits_body).map(Stop::Body);
+        other.or_else(|| self.obstacles.iter().position(|o| solid.overlaps(o)).map(Stop::Obstacle))
     }
 
     /// Distance from a point to the nearest obstacle or wall, m: 0 inside an obstacle or beyond a wall, infinite

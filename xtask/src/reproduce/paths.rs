@@ -8,8 +8,8 @@ use jostle_eval::outcome::EpisodeOutcome;
 use jostle_eval::report::grid::csv_line;
 use jostle_eval::robot::{RobotPolicy, TrainedRobot};
 use jostle_sim::{
-    Laser, Motion, Observer, Outcome, Pose, RoomConfig, Scenario, Sensor, Shape, Streams, apply_limits,
-    clip_action, crash, outcome,
+    CrashRule, Laser, Motion, Observer, Outcome, Pose, RoomConfig, Scenario, Sensor, Shape, Streams,
+    apply_limits, clip_action, outcome,
 };
 
 use super::Figure;
@@ -123,7 +123,8 @@ fn way(policy: &LoadedPolicy, token: u32, scenario: &Scenario) -> Result<Way> {
     let mut laser = Laser::new(&sim.laser)?;
     let mut observer = Observer::new(&sim, Streams::new(0).stream("figure.paths.noise", &[]));
     let (mut ranges, mut row) = (vec![0.0; sim.laser.beams], vec![0.0; sim.observation_len()]);
-    let (goal, mut velocity, mut stalled) = (Vec2::from(GOAL), [0.0; 2], [false]);
+    let (goal, mut velocity, mut stops) = (Vec2::from(GOAL), [0.0; 2], [None]);
+    let crash_rule = CrashRule::new(&sim);
     laser.scan(&world, Sensor::Body(0), |_| true, &mut ranges);
     observer.begin(&ranges, &mut row);
     observer.write_motion(world.pose(0), goal, velocity, &mut row);
@@ -133,12 +134,14 @@ fn way(policy: &LoadedPolicy, token: u32, scenario: &Scenario) -> Result<Way> {
         robot.act(&row, &mut actions);
         let command = clip_action(actions[0], &sim.robot);
         let executed = apply_limits(velocity, command, sim.robot.acceleration.as_ref(), sim.episode.dt);
-        world.advance(&[Motion::Drive { v: executed[0], w: executed[1] }], sim.episode.dt, &mut stalled);
-        velocity = if stalled[0] { [0.0; 2] } else { executed };
+        let motion = Motion::Drive { v: executed[0], w: executed[1] };
+        world.advance_to_stops(&[motion], sim.episode.dt, &mut stops);
+        velocity = if stops[0].is_some() { [0.0; 2] } else { executed };
         points.push((world.pose(0), velocity));
         let summary = laser.scan(&world, Sensor::Body(0), |_| true, &mut ranges);
         let distance = world.pose(0).position.distance(goal);
-        let end = match outcome(distance, sim.episode.goal_radius, crash(summary, sim.episode.crash_range)) {
+        let crash = crash_rule.crash(summary, &stops, 0, |_| true);
+        let end = match outcome(distance, sim.episode.goal_radius, crash) {
             Some(Outcome::Success) => Some(EpisodeOutcome::Success),
             Some(Outcome::CollisionWall | Outcome::CollisionAgent) => Some(EpisodeOutcome::CollisionWall),
             None => (points.len() > sim.episode.step_limit as usize).then_some(EpisodeOutcome::Timeout),

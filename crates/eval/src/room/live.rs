@@ -5,9 +5,9 @@
 
 use glam::Vec2;
 use jostle_peds::Pedestrian;
-use jostle_sim::{Hit, Motion, Observer, Pose, ScanSummary, Shape, Streams};
+use jostle_sim::{Hit, Motion, Observer, Pose, ScanSummary, Shape, Spawner, Streams};
 
-use super::{EvalRoom, ROBOT, RoomPlan};
+use super::{EvalRoom, ROBOT, RoomPlan, spawn_settings};
 use crate::error::EvalError;
 
 /// What is put into a running room keeps this distance from the robot's crash range (m).
@@ -18,11 +18,14 @@ impl EvalRoom {
     ///
     /// # Errors
     ///
-    /// A goal that the robot cannot reach without a crash: too near to a wall or an obstacle, or beyond.
+    /// A goal that the robot cannot reach without a crash: too near to a wall or an obstacle, or beyond one.
     pub fn set_goal(&mut self, plan: &RoomPlan, goal: Vec2) -> Result<(), EvalError> {
         let least = plan.config.sim.episode.crash_range;
         if !goal.is_finite() || self.world.clearance(goal) < least {
             return refuse("goal", goal, format!("a point at least {least} m from walls and obstacles"));
+        }
+        if !plan.spawner.connects(self.world.pose(ROBOT).position, goal) {
+            return refuse("goal", goal, "a point that the robot can get to".to_owned());
         }
         self.goal = goal;
         self.start = self.world.pose(ROBOT);
@@ -35,16 +38,19 @@ impl EvalRoom {
     ///
     /// # Errors
     ///
-    /// A place that is taken or too near to the robot; no place for its goal.
+    /// A place that is taken or too near to the robot; a room that is too full for one more.
     pub fn add_pedestrian(&mut self, plan: &mut RoomPlan, position: Vec2) -> Result<(), EvalError> {
         let body = self.motions.len();
         let (config, shape) = (&plan.config, self.world.shape(ROBOT).clone());
         let size = shape.circumradius();
         self.check_place(plan, "pedestrian", position, size)?;
+        if config.scene.is_none() {
+            plan.spawner.check_room(config.n_agents + 1)?;
+        }
         let streams = Streams::new(config.seed);
         let indexed = |name: &str| streams.stream(name, &[self.episode, body as u64]);
         let mut rng = indexed("eval.added");
-        let goal = plan.spawner.goal(&self.world, position, &mut rng)?;
+        let goal = plan.spawner.goal(&self.world, position, &mut rng);
         // It sets out towards its goal.
         let pose = Pose::new(position, (goal - position).to_angle());
         self.world.add_body(&shape, pose)?;
@@ -57,7 +63,7 @@ impl EvalRoom {
         self.ranges.resize(self.ranges.len() + config.sim.laser.beams, 0.0);
         self.summaries.push(ScanSummary { min_range: 0.0, nearest: Hit::None });
         self.motions.push(Motion::Still);
-        self.stalled.push(false);
+        self.stops.push(None);
         self.respawned.push(false);
         if plan.senses_by_laser {
             self.observers.push(Observer::new(&config.sim, noise));
@@ -73,7 +79,8 @@ impl EvalRoom {
     ///
     /// # Errors
     ///
-    /// A place that is taken, too near to the robot or on its goal; a shape that the world refuses.
+    /// A place that is taken, too near to the robot or on its goal, or that would cut the robot off from it; a room in which
+    /// starts and goals would no longer find their places; a shape that the world refuses. Nothing is changed then.
     pub fn add_obstacle(&mut self, plan: &mut RoomPlan, shape: Shape, pose: Pose) -> Result<(), EvalError> {
         shape.validate("obstacle")?;
         let size = shape.circumradius();
@@ -82,12 +89,22 @@ impl EvalRoom {
         if self.goal.distance(pose.position) < reach {
             return refuse("obstacle", pose.position, format!("a point at least {reach:.2} m from the goal"));
         }
+        let mut scenario = plan.scenario.clone();
+        scenario.obstacles.push((shape.clone(), pose));
+        let spawner = Spawner::new(&spawn_settings(&plan.config), &scenario.build()?)?;
+        if plan.config.scene.is_none() {
+            spawner.check_room(plan.config.n_agents)?;
+        }
+        if !spawner.connects(self.world.pose(ROBOT).position, self.goal) {
+            let expected = "a point that leaves the robot a way to its goal".to_owned();
+            return refuse("obstacle", pose.position, expected);
+        }
         self.world.add_obstacle(&shape, pose)?;
-        plan.scenario.obstacles.push((shape, pose));
+        (plan.scenario, plan.spawner) = (scenario, spawner);
         let least = plan.config.sim.episode.crash_range;
         for (pedestrian, rng) in self.pedestrians.iter_mut().zip(&mut self.streams) {
             if self.world.clearance(pedestrian.goal) < least {
-                pedestrian.goal = plan.spawner.goal(&self.world, pedestrian.position, rng)?;
+                pedestrian.goal = plan.spawner.goal(&self.world, pedestrian.position, rng);
             }
         }
         Ok(())
@@ -135,8 +152,8 @@ mod tests {
         (plan, room)
     }
 
-    /// A free point ahead of the robot, towards the middle of the room.
-    fn free_point(room: &EvalRoom) -> Vec2 {
+    /// Points that are free, the nearest to the robot first.
+    fn free_points(room: &EvalRoom) -> Vec<Vec2> {
         let robot = room.robot().position;
         let grid = (0..81).map(|k| Vec2::new((k % 9) as f32 - 4.0, (k / 9) as f32 - 4.0) * 2.0);
         let mut points: Vec<Vec2> = grid
@@ -147,7 +164,7 @@ mod tests {
             })
             .collect();
         points.sort_by(|a, b| a.distance(robot).total_cmp(&b.distance(robot)));
-        points[0]
+        points
     }
 
     #[test]
@@ -174,7 +191,7 @@ mod tests {
     #[test]
     fn a_pedestrian_that_is_added_is_seen_observes_and_walks() {
         let (mut plan, mut room) = room();
-        let place = free_point(&room);
+        let place = free_points(&room)[0];
         room.add_pedestrian(&mut plan, place).unwrap();
         assert_eq!((plan.config.n_agents, room.pedestrians().len()), (4, 3));
         let row = plan.config.sim.observation_len();
@@ -192,14 +209,41 @@ mod tests {
     }
 
     #[test]
+    fn changes_after_which_nobody_could_be_placed_are_refused_and_change_nothing() {
+        let (mut plan, mut room) = room();
+        let wall = Shape::Box { length: 0.4, width: 21.0 };
+        let (start, goal) = (room.robot().position, room.goal);
+        // A wall from side to side, between the robot and its goal.
+        let middle = Vec2::new((start.x + goal.x) / 2.0, 0.0);
+        let far = |p: &Pedestrian| (p.position.x - middle.x).abs() > 1.0;
+        assert!((start.x - goal.x).abs() > 2.0 && room.pedestrians.iter().all(far));
+        room.world.add_obstacle(&wall, Pose::new(middle, 0.0)).unwrap();
+        plan.scenario.obstacles.push((wall, Pose::new(middle, 0.0)));
+        plan.spawner = Spawner::new(&plan.config.sim, &room.world).unwrap();
+        let message = room.set_goal(&plan, goal).unwrap_err().to_string();
+        assert!(message.ends_with("expected a point that the robot can get to"), "{message}");
+        let obstacles = plan.scenario.obstacles.len();
+        let (disc, place) = (Shape::Circle { radius: 0.1 }, Pose::new(free_points(&room)[0], 0.0));
+        let message = room.add_obstacle(&mut plan, disc, place).unwrap_err().to_string();
+        assert!(message.ends_with("expected a point that leaves the robot a way to its goal"), "{message}");
+        assert_eq!((plan.scenario.obstacles.len(), room.world.n_obstacles()), (obstacles, obstacles));
+        // As many pedestrians as the room holds: each keeps a metre from the others.
+        let full = (2..100).find(|n| plan.spawner.check_room(*n).is_err()).unwrap();
+        plan.config.n_agents = full - 1;
+        let message = room.add_pedestrian(&mut plan, place.position).unwrap_err().to_string();
+        assert!(message.starts_with(&format!("n_agents: found {full}, expected so few")), "{message}");
+        assert_eq!((plan.config.n_agents, room.pedestrians.len()), (full - 1, 2));
+    }
+
+    #[test]
     fn an_obstacle_is_solid_and_covers_no_goal() {
         let (mut plan, mut room) = room();
-        let (covered, disc) = (room.pedestrians[0].goal, Shape::Circle { radius: 0.4 });
-        let crowd_goal = room.add_obstacle(&mut plan, disc.clone(), Pose::new(covered, 0.0));
-        if crowd_goal.is_ok() {
-            assert!(room.pedestrians[0].goal.distance(covered) > 0.9);
-        }
-        let ahead = free_point(&room);
+        let points = free_points(&room);
+        let (ahead, covered, disc) = (points[0], points[points.len() - 1], Shape::Circle { radius: 0.4 });
+        room.pedestrians[0].goal = covered;
+        room.add_obstacle(&mut plan, disc.clone(), Pose::new(covered, 0.0)).unwrap();
+        // As far from the disc as any start or goal.
+        assert!(room.pedestrians[0].goal.distance(covered) >= 1.4 - 1e-4);
         room.add_obstacle(&mut plan, disc.clone(), Pose::new(ahead, 0.0)).unwrap();
         assert!(room.add_obstacle(&mut plan, disc.clone(), Pose::new(room.goal, 0.0)).is_err());
         assert!(room.add_pedestrian(&mut plan, ahead).is_err());

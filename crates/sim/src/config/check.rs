@@ -49,7 +49,23 @@ impl SimConfig {
             return Err(SimError::field("episode.step_limit", 0, "at least 1"));
         }
         self.spawn.validate()?;
-        self.reward.validate()
+        self.reward.validate()?;
+        self.check_wall_clearance()
+    }
+
+    /// Refuses starts at a wall that are crashes.
+    fn check_wall_clearance(&self) -> Result<(), SimError> {
+        let (found, crash_range) = (self.spawn.wall_clearance, self.episode.crash_range);
+        let least = self.passing_radius();
+        if found >= least {
+            return Ok(());
+        }
+        let why = if least == crash_range {
+            "the crash range, so that no start is a crash"
+        } else {
+            "the body's circumradius, so that no start touches a wall"
+        };
+        Err(SimError::field("spawn.wall_clearance", found, format!("at least {least} m, {why}")))
     }
 }
 

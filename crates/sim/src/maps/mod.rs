@@ -34,7 +34,7 @@ pub fn load(path: &Path) -> Result<Scenario, SimError> {
     // A shape that the world would refuse is refused here, where the file is known.
     scenario.build().map_err(|error| match error {
         SimError::Field { field, found, expected } => SimError::file(path, field, found, expected),
-        other => other,
+        other @ SimError::File { .. } => other,
     })?;
     Ok(scenario)
 }
