@@ -166,6 +166,11 @@ impl LaserConfig {
         f64::from(self.angle_min) + view * beam as f64 / intervals as f64
     }
 
+    /// Angles of all beams in order, as [`LaserConfig::beam_angle`] gives them.
+    pub fn beam_angles(&self) -> impl ExactSizeIterator<Item = f64> + '_ {
+        (0..self.beams).map(|beam| self.beam_angle(beam))
+    }
+
     /// Where the beams point, in words for a message: `all round from 0 rad`, `3.1 rad from -1.55 rad`.
     pub fn view(&self) -> String {
         let from = self.angle_min;
