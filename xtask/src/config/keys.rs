@@ -40,11 +40,17 @@ impl Key {
         UNITS.into_iter().find(|unit| named(unit))
     }
 
-    /// The default that the comment names.
-    fn default(&self) -> Option<&str> {
+    /// The default that the comment names, as TOML.
+    fn default(&self) -> Option<String> {
         let (_, rest) = self.text.split_once("Default ")?;
         let end = [" (", ". ", ", ", "; ", ": "].into_iter().filter_map(|end| rest.find(end)).min();
-        Some(rest[..end.unwrap_or(rest.len())].trim_end_matches('.').trim_matches('`'))
+        let text = rest[..end.unwrap_or(rest.len())].trim_end_matches('.').trim_matches('`');
+        Some(match self.kind.as_str() {
+            "u64" | "usize" | "u32" | "bool" => text.to_owned(),
+            "f64" => format!("{:?}", text.parse::<f64>().ok()?),
+            "f32" => format!("{:?}", text.parse::<f32>().ok()?),
+            _ => format!("{text:?}"),
+        })
     }
 
     /// Where the default comes from: what stands in brackets behind it.
@@ -73,7 +79,7 @@ pub(crate) fn unstored_defaults() -> Vec<(String, String)> {
         keys.iter().any(|s| s.section && s.optional && key.path.starts_with(&format!("{}.", s.path)))
     };
     let always = |key: &&Key| !key.section && !key.optional && !is_off(key);
-    let named = |key: &Key| Some((key.path.clone(), key.default()?.to_owned()));
+    let named = |key: &Key| Some((key.path.clone(), key.default()?));
     keys.iter().filter(always).filter_map(named).collect()
 }
 
