@@ -109,7 +109,7 @@ pub fn check_observation(config: &EvalConfig, policy: &LoadedPolicy) -> Result<(
         return Ok(());
     }
     let (trained, laser) = (policy.sim_config()?.laser, &config.sim.laser);
-    if (trained.fov, trained.angle_min) == (laser.fov, laser.angle_min) {
+    if trained.points_as(laser) {
         return Ok(());
     }
     Err(EvalError::Setting {

@@ -171,6 +171,11 @@ impl LaserConfig {
         (0..self.beams).map(|beam| self.beam_angle(beam))
     }
 
+    /// Whether the beams of another laser point to the same angles, if they are as many.
+    pub fn points_as(&self, other: &Self) -> bool {
+        (self.fov, self.angle_min) == (other.fov, other.angle_min)
+    }
+
     /// Where the beams point, in words for a message: `all round from 0 rad`, `3.1 rad from -1.55 rad`.
     pub fn view(&self) -> String {
         let from = self.angle_min;
