@@ -77,8 +77,8 @@ def parallel_env(
 def split(
     observations: NDArray[np.float32],
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-    """The parts of observations ``[…, 3·beams + 4]``, as views: scans ``[…, 3, beams]`` (oldest first, range/10 − 0.5), goal
-    ``[…, 2]`` in the robot's frame (m), velocity ``[…, 2]`` (m/s, rad/s)."""
+    """The parts of observations ``[…, 3·beams + 4]``, as views: scans ``[…, 3, beams]`` (oldest first, range/10 − 0.5, beams
+    pointing to ``env.beam_angles``), goal ``[…, 2]`` in the robot's frame (m), velocity ``[…, 2]`` (m/s, rad/s)."""
     scans, goal, velocity = observations[..., :-4], observations[..., -4:-2], observations[..., -2:]
     return scans.reshape(*scans.shape[:-1], 3, -1), goal, velocity
 

@@ -37,9 +37,16 @@ class RoomEnv(gymnasium.Env[Float32, Float32]):
     ahead and counter-clockwise from there; then the goal in the robot's frame (x forward, y left, m); then v (m/s) and
     ω (rad/s). :func:`jostle.split` names the parts.
 
+    A laser that does not see all round is set by ``settings={"sim.laser.fov": 4.712, "sim.laser.angle_min": -2.356}``
+    (radians: 270° centred ahead). Its first and last beam lie on the sector's edges, and no beam exists outside. With
+    ``sim.laser.beams`` = n the observation is ``float32[3·n + 4]``. :attr:`beam_angles` says where each beam points.
+
+    Attributes:
+        beam_angles: ``float64[beams]``, the angle of each beam from straight ahead, counter-clockwise (rad).
+
     Action: ``float32[2]``, v in [0, 1] m/s and ω in [−1, 1] rad/s for 0.1 s; what is beyond is clipped.
 
-    Reward: +15 at the goal (nearer than 0.5 m), −15 at a crash (a range below 0.5 m), else 2.5 times the metres gained; less
+    Reward: +15 at the goal (nearer than 0.5 m), −15 at a crash (something nearer than 0.5 m, all round), else 2.5 times the metres gained; less
     0.1·|ω| where |ω| > 0.7 rad/s. Goal and crash terminate, 400 steps truncate. The last step's information holds ``outcome``
     (success, collision_wall, collision_pedestrian, timeout), ``is_success``, ``episode_index``, ``steps``, ``path_length`` and
     ``straight_distance`` (m).
@@ -83,6 +90,7 @@ class RoomEnv(gymnasium.Env[Float32, Float32]):
             settings=settings,
         )
         self._core = _jostle.CrowdRooms(words, 1)
+        self.beam_angles = np.array(self._core.beam_angles)
         self.observation_space, self.action_space = spaces(self._core)
         self.render_mode = None
         self.copy = copy
@@ -117,7 +125,7 @@ class RoomEnv(gymnasium.Env[Float32, Float32]):
 
     def state(self) -> dict[str, Any]:
         """Who stands where, in world coordinates: ``robot`` float32[7] and ``pedestrians`` float32[n, 7] (x, y, heading, velocity
-        x, y, goal x, y), ``ranges`` float32[512] without noise (m), ``episode_index``. For plots and for critics that may know more
+        x, y, goal x, y), ``ranges`` float32[beams] without noise (m), ``episode_index``. For plots and for critics that may know more
         than the robot."""
         return state(self._core, 0)
 

@@ -79,7 +79,7 @@ def evaluate(
         name: what to call the policy.
 
     The other keywords are those of :class:`jostle.RoomEnv`; for a `Policy`, simulator and number of pedestrians are those of
-    its training unless they are given.
+    its training unless they are given. A `Policy` whose laser pointed elsewhere in training is refused.
 
     Raises:
         ValueError: one line with what was found and what was expected.

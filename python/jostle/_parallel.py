@@ -34,6 +34,7 @@ class RobotsEnv(ParallelEnv[str, Float32, Float32]):
             raise ValueError(f"n_behaviours: found {n_behaviours}, expected a whole number from 1 on")
         count("n_agents", n_agents, least=1)
         self._core = _jostle.RobotRoom(path_or_none(config), overrides(settings), n_agents, n_behaviours)
+        self.beam_angles = np.array(self._core.beam_angles)
         self.render_mode = None
         self.possible_agents = [f"robot_{i}" for i in range(self._core.n_agents)]
         self.agents: list[str] = []

@@ -16,6 +16,10 @@ class Policy:
     Args:
         path: a checkpoint file, or a run folder for its newest checkpoint.
         token: the behaviour token z, less than ``n_behaviours``.
+
+    Attributes:
+        beam_angles: ``float64[beams]``, where the beams of the laser point that it was trained with, from straight ahead,
+            counter-clockwise (rad); ``None`` if its file does not say. An environment's own are ``env.beam_angles``.
     """
 
     def __init__(self, path: StrPath, token: int = 0) -> None:
@@ -23,6 +27,8 @@ class Policy:
             raise ValueError(f"token: found {token}, expected a whole number from 0 on")
         self.core = _jostle.Policy(str(checkpoint(path)), token)
         self.name, self.token, self.n_behaviours = self.core.name, token, self.core.n_behaviours
+        angles = self.core.beam_angles
+        self.beam_angles = None if angles is None else np.array(angles)
 
     def __call__(self, observations: ArrayLike) -> Float32:
         """Actions ``float32[B, 2]`` for observations ``[B, 1540]``, or ``[2]`` for ``[1540]``."""

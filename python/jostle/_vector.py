@@ -52,6 +52,7 @@ class VectorRooms(VectorEnv[Float32, Float32, NDArray[Any]]):
         )
         count("num_envs", num_envs, least=1)
         self._core = _jostle.CrowdRooms(words, num_envs)
+        self.beam_angles = np.array(self._core.beam_angles)
         self.num_envs = num_envs
         self.single_observation_space, self.single_action_space = spaces(self._core)
         self.observation_space = batch_space(self.single_observation_space, num_envs)

@@ -4,6 +4,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use anyhow::Result;
+use jostle_eval::crowds::check_observation;
 use jostle_eval::loaded::LoadedPolicy;
 use jostle_eval::protocol::{CellRun, Protocol, Subject};
 use jostle_eval::report::CellTiming;
@@ -25,6 +26,7 @@ pub(crate) struct Cell<'a> {
 impl Cell<'_> {
     /// Refuses what would stop the cell, before anything is written.
     pub(crate) fn check(&self) -> Result<()> {
+        check_observation(self.protocol.config(), self.policy)?;
         self.robot()?;
         self.protocol.crowd(&RoomPlan::new(self.protocol.config(), self.crowd)?)?;
         Ok(())

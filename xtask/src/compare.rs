@@ -10,6 +10,7 @@ use jostle_eval::statistics::wilson;
 use jostle_ppo::report::EpisodeCounts;
 use jostle_ppo::{Config, UpdateReport};
 
+use crate::config::unstored_defaults;
 use crate::output;
 use crate::runs::columns;
 use crate::runs::log::RunLog;
@@ -92,10 +93,12 @@ fn success(run: &RunLog, end: usize, window: usize) -> String {
     }
 }
 
-/// Every setting by its dotted key.
+/// Every setting by its dotted key, those that are not stored because they have their default among them.
 pub(crate) fn settings(config: &Config) -> Result<BTreeMap<String, String>> {
     let table = toml::Table::try_from(config).context("a configuration that is no TOML")?;
-    Ok(flat(&table))
+    let mut all = BTreeMap::from_iter(unstored_defaults());
+    all.extend(flat(&table));
+    Ok(all)
 }
 
 /// As [`settings`], of any table.
@@ -131,5 +134,10 @@ mod tests {
         let flat = settings(&jostle_ppo::Config::default()).unwrap();
         assert_eq!(flat["sim.laser.beams"], "512");
         assert_eq!((flat["gamma"].as_str(), flat["sim.laser.noise_std"].as_str()), ("0.99", "0.02"));
+        // Not in the file that a run keeps, unless the laser sees a sector.
+        assert_eq!(
+            (flat["sim.laser.fov"].as_str(), flat["sim.laser.angle_min"].as_str()),
+            ("6.2831855", "0.0")
+        );
     }
 }

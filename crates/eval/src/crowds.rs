@@ -89,19 +89,32 @@ pub fn make_crowd(
     })
 }
 
-/// Refuses a policy that reads other observations than the room gives.
+/// Refuses a policy that reads other observations than the room gives: rows of another length, or beams that point
+/// elsewhere. Where its beams pointed in training is told by the settings in its file; a file without says nothing.
 ///
 /// # Errors
 ///
-/// [`EvalError::Setting`] names both lengths.
+/// [`EvalError::Setting`] names both lengths, or both lasers.
 pub fn check_observation(config: &EvalConfig, policy: &LoadedPolicy) -> Result<(), EvalError> {
+    let name = &policy.identity.name;
     let (found, expected) = (policy.file.network.observation_len(), config.sim.observation_len());
-    if found == expected {
+    if found != expected {
+        return Err(EvalError::Setting {
+            field: "observation of the policy",
+            found: format!("{found} numbers in {name}"),
+            expected: format!("{expected}, as the simulator's laser gives"),
+        });
+    }
+    if !policy.file.metadata.contains_key("sim") {
+        return Ok(());
+    }
+    let (trained, laser) = (policy.sim_config()?.laser, &config.sim.laser);
+    if trained.points_as(laser) {
         return Ok(());
     }
     Err(EvalError::Setting {
-        field: "observation of the policy",
-        found: format!("{found} numbers in {}", policy.identity.name),
-        expected: format!("{expected}, as the simulator's laser gives"),
+        field: "laser of the policy",
+        found: format!("{name}, trained with a laser that sees {}", trained.view()),
+        expected: format!("one trained with the room's, which sees {}", laser.view()),
     })
 }

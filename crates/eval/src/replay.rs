@@ -36,9 +36,9 @@ pub struct TraceFrame {
     pub robot: Pedestrian,
     /// Linear and angular velocity executed in the step that led here; 0 at the start and where the robot was stopped.
     pub velocity: [f32; 2],
-    /// The robot's least noise-free range (m), over all beams.
+    /// Noise-free distance from the robot's centre to the nearest thing all round (m).
     pub min_range: f32,
-    /// Noise-free ranges of the kept beams, counter-clockwise from straight ahead; 0 is 0 m and 255 the laser's range.
+    /// Noise-free ranges of the kept beams, counter-clockwise from beam 0; 0 is 0 m and 255 the laser's range.
     pub ranges: Vec<u8>,
     /// The pedestrians, those that were re-spawned in this step at their new places.
     pub pedestrians: Vec<Pedestrian>,
@@ -107,7 +107,7 @@ fn frame(plan: &RoomPlan, room: &EvalRoom, stride: usize) -> TraceFrame {
     TraceFrame {
         robot: room.robot(),
         velocity: room.robot_velocity(),
-        min_range: ranges.iter().copied().fold(f32::INFINITY, f32::min),
+        min_range: room.robot_nearest(),
         ranges: ranges.iter().step_by(stride).map(quantise).collect(),
         pedestrians: room.pedestrians().to_vec(),
     }

@@ -271,6 +271,12 @@ impl EvalRoom {
         &self.ranges[..self.ranges.len() / self.motions.len()]
     }
 
+    /// Noise-free distance from the robot's centre to the nearest thing all round, which its crash is judged by (m); for a
+    /// laser that sees all round, the least of [`Self::robot_ranges`].
+    pub fn robot_nearest(&self) -> f32 {
+        self.summaries[ROBOT].min_range
+    }
+
     /// Linear and angular velocity that the robot executed in the last step; 0 before the first and where it was stopped.
     pub fn robot_velocity(&self) -> [f32; 2] {
         self.velocity

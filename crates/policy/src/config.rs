@@ -150,7 +150,7 @@ impl NetworkConfig {
         };
         let pool = self.scan_pool;
         if pool == 0 || !self.beams.is_multiple_of(pool) || self.beams / pool < 3 {
-            let expected = format!("a divisor of the {} beams that leaves at least 3", self.beams);
+            let expected = format!("1 to {} (a divisor of the {} beams)", self.beams / 3, self.beams);
             return refuse("scan_pool", pool.to_string(), &expected);
         }
         let Some(motion) = &self.motion else { return Ok(()) };

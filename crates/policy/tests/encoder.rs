@@ -203,7 +203,7 @@ fn what_cannot_stand_before_a_network_is_refused() {
     check(NetworkConfig { scan_pool: 0, ..good.clone() }, "scan_pool: found 0");
     check(
         NetworkConfig { scan_pool: 3, ..good.clone() },
-        "scan_pool: found 3, expected a divisor of the 512",
+        "scan_pool: found 3, expected 1 to 170 (a divisor of the 512",
     );
     check(NetworkConfig { scan_pool: 256, ..good.clone() }, "scan_pool: found 256");
     check(NetworkConfig { scan_pool: 2, ..config() }, "scan_pool: found 2, expected 1");

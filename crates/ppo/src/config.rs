@@ -146,7 +146,7 @@ pub struct NetworkSection {
     /// Initial log standard deviation of both action dimensions. Default 0 (lineage).
     pub log_std_init: f32,
     /// What the network reads: every beam of the `scans` (paper), or `motion`, the bodies around with their velocities
-    /// and when each way would meet them. Default `scans`.
+    /// and when each way would meet them, which takes a laser that sees all round. Default `scans`.
     #[serde(skip_serializing_if = "is_default")]
     pub inputs: NetworkInputs,
     /// With `scans`, the network reads the nearest of each this many neighbouring beams; a divisor of `sim.laser.beams`.

@@ -8,8 +8,8 @@
 
 use std::path::{Path, PathBuf};
 
-use jostle_policy::{Batch, Network, Parameters, PolicyFile, actor, hex};
-use jostle_sim::{Role, Rooms};
+use jostle_policy::{Batch, Network, Parameters, PolicyFile, actor, excerpt, hex};
+use jostle_sim::{Role, Rooms, SimConfig};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -223,6 +223,23 @@ fn read(config: &Config, i: usize, path: &Path) -> Result<(PolicyFile, OpponentR
         let expected = format!("{expected}, as the simulator's laser gives");
         return Err(config::refuse(format!("population.files[{i}]"), found, expected));
     }
+    if let Some(text) = file.metadata.get("sim") {
+        let refuse = |found: String, expected: String| {
+            let found = format!("{} {found}", path.display());
+            config::refuse(format!("population.files[{i}]"), found, expected)
+        };
+        let trained: SimConfig = serde_json::from_str(text).map_err(|error| {
+            let error = excerpt(&error.to_string());
+            refuse(
+                format!("with unreadable settings ({error})"),
+                "JSON of the simulator's settings".to_owned(),
+            )
+        })?;
+        if !trained.laser.points_as(&config.sim.laser) {
+            let found = format!("trained with a laser that sees {}", trained.laser.view());
+            return Err(refuse(found, format!("one that sees {}", config.sim.laser.view())));
+        }
+    }
     let config_hash = file.provenance.config_hash.clone();
     let record =
         OpponentRecord { sha256, config_hash, seed: file.provenance.seed, update: file.provenance.update };
@@ -337,6 +354,10 @@ spawn = { goal_distance = 2.0 }
         };
         let found = format!("found {} with observations of 64 numbers, expected 52", path.display());
         assert!(refusal(&path).contains(&found), "{}", refusal(&path));
+        trainer(&["training_crowd.opponents=0", "sim.laser.fov=3.0"]).save(&path).expect("writable");
+        let found =
+            "trained with a laser that sees 3 rad from 0 rad, expected one that sees all round from 0 rad";
+        assert!(refusal(&path).contains(found), "{}", refusal(&path));
         let missing = folder.path().join("missing.safetensors");
         assert!(refusal(&missing).contains("missing.safetensors"));
     }

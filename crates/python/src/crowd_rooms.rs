@@ -189,9 +189,14 @@ impl Course {
         let mut worth = reward(&sim.reward, outcome, progress, w);
         if let Some(zones) = &sim.reward.safety_zone {
             let body = |p: &jostle_peds::Pedestrian| ZoneBody { position: p.position, velocity: p.velocity };
-            let nearest = room.robot_ranges().iter().copied().fold(f32::INFINITY, f32::min);
             let others = room.pedestrians().iter().map(body);
-            worth += safety_zone(zones, nearest, sim.episode.crash_range, body(&room.robot()), others);
+            worth += safety_zone(
+                zones,
+                room.robot_nearest(),
+                sim.episode.crash_range,
+                body(&room.robot()),
+                others,
+            );
         }
         if end.is_some() {
             room.observe_end(plan);

@@ -113,24 +113,109 @@ pub struct AccelerationLimits {
     pub w: f32,
 }
 
-/// The laser: `beams` over the full circle, beam 0 straight ahead, counter-clockwise, from the body's centre.
+/// The laser: `beams` from the body's centre, counter-clockwise, over the full circle or a sector of it.
+///
+/// Beam k points `angle_min` + k·increment from straight ahead. Over the full circle the increment is 2π/`beams`, so
+/// that the last beam is the first one's neighbour; in a sector it is `fov`/(`beams` − 1), so that the first and the
+/// last beam lie on the sector's edges, as in ROS' `sensor_msgs/LaserScan`. [`LaserConfig::beam_angle`] gives it.
+///
+/// A sector limits what the robot observes and nothing else: crashes and the safety zone are judged all round (see
+/// [`ScanSummary`](crate::ScanSummary)).
+///
+/// # Examples
+///
+/// ```
+/// use jostle_sim::LaserConfig;
+/// use std::f32::consts::PI;
+/// // 270°, centred straight ahead.
+/// let laser = LaserConfig { beams: 541, fov: 1.5 * PI, angle_min: -0.75 * PI, ..LaserConfig::default() };
+/// assert!(laser.beam_angle(270).abs() < 1e-6);
+/// assert!((laser.beam_angle(540) - 0.75 * std::f64::consts::PI).abs() < 1e-6);
+/// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LaserConfig {
-    /// Beams over 360°.
+    /// Number of beams, evenly spaced over the angle of view.
     pub beams: usize,
     /// A beam that meets nothing within this distance reads exactly this, m.
     pub range: f32,
     /// Standard deviation of the Gaussian noise on in-range returns, m; 0 turns it off.
     pub noise_std: f32,
+    /// Angle of view, rad; less than 2π is a sector, outside which no beam exists. Default 6.2831855 (paper), the full
+    /// circle.
+    #[serde(skip_serializing_if = "is_full_circle")]
+    pub fov: f32,
+    /// Angle of beam 0 from straight ahead, counter-clockwise, rad; −`fov`/2 centres a sector ahead. Default 0.0
+    /// (lineage).
+    #[serde(skip_serializing_if = "is_zero")]
+    pub angle_min: f32,
     /// Which code casts the beams.
     pub kernel: LaserKernel,
 }
 
 impl Default for LaserConfig {
     fn default() -> Self {
-        Self { beams: 512, range: 10.0, noise_std: 0.02, kernel: LaserKernel::Analytic }
+        Self {
+            beams: 512,
+            range: 10.0,
+            noise_std: 0.02,
+            fov: std::f32::consts::TAU,
+            angle_min: 0.0,
+            kernel: LaserKernel::Analytic,
+        }
     }
+}
+
+impl LaserConfig {
+    /// Whether the beams go all round.
+    pub fn is_full_circle(&self) -> bool {
+        is_full_circle(&self.fov)
+    }
+
+    /// Angle of a beam from straight ahead, counter-clockwise, rad; not wrapped.
+    ///
+    /// # Formula
+    ///
+    /// `angle_min` + k·2π/`beams` over the full circle, `angle_min` + k·`fov`/(`beams` − 1) in a sector.
+    pub fn beam_angle(&self, beam: usize) -> f64 {
+        let (view, intervals) = if self.is_full_circle() {
+            (std::f64::consts::TAU, self.beams)
+        } else {
+            (f64::from(self.fov), self.beams - 1)
+        };
+        f64::from(self.angle_min) + view * beam as f64 / intervals as f64
+    }
+
+    /// Angles of all beams in order, as [`LaserConfig::beam_angle`] gives them.
+    pub fn beam_angles(&self) -> impl ExactSizeIterator<Item = f64> + '_ {
+        (0..self.beams).map(|beam| self.beam_angle(beam))
+    }
+
+    /// Whether the beams of another laser point to the same angles, if they are as many.
+    pub fn points_as(&self, other: &Self) -> bool {
+        (self.fov, self.angle_min) == (other.fov, other.angle_min)
+    }
+
+    /// Where the beams point, in words for a message: `all round from 0 rad`, `3.1 rad from -1.55 rad`.
+    pub fn view(&self) -> String {
+        let from = self.angle_min;
+        if self.is_full_circle() {
+            return format!("all round from {from} rad");
+        }
+        format!("{} rad from {from} rad", self.fov)
+    }
+}
+
+/// Whether an angle of view is the default, which is left out of what is stored.
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde hands over a reference")]
+fn is_full_circle(fov: &f32) -> bool {
+    *fov == std::f32::consts::TAU
+}
+
+/// Whether an angle is the default, which is left out of what is stored.
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde hands over a reference")]
+fn is_zero(angle: &f32) -> bool {
+    *angle == 0.0
 }
 
 /// How beams are cast. Both give the same ranges within 1e-4 m.

@@ -24,8 +24,13 @@ pub(super) fn write(folder: &Path) -> Result<String> {
     Ok(format!("file://{}", write_page(&page, &folder.join("replay"))?.display()))
 }
 
+/// A half circle of three beams from a robot that looks along y: to its right, ahead, to its left.
+const SECTOR: &str = "JSON.stringify(Scene.ends([1, 2, Math.PI / 2], { range: 10, start: -Math.PI / 2, step: Math.PI / 2 }, \
+    [255, 51, 0]).map((end) => end.map((value) => Math.round(value * 1000)))) === '[[11000,2000],[1000,4000],[1000,2000]]'";
+
 /// Plays, steps, scrubs, filters, switches; each leaves its mark on the page.
 pub(super) fn check(tab: &mut Tab) -> Result<()> {
+    tab.require(SECTOR)?;
     tab.wait("document.body.dataset.playing === 'true' && Number(document.body.dataset.step) > 2")?;
     tab.click("#play")?;
     tab.wait("document.body.dataset.playing === 'false'")?;

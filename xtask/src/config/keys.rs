@@ -40,6 +40,19 @@ impl Key {
         UNITS.into_iter().find(|unit| named(unit))
     }
 
+    /// The default that the comment names, as TOML.
+    fn default(&self) -> Option<String> {
+        let (_, rest) = self.text.split_once("Default ")?;
+        let end = [" (", ". ", ", ", "; ", ": "].into_iter().filter_map(|end| rest.find(end)).min();
+        let text = rest[..end.unwrap_or(rest.len())].trim_end_matches('.').trim_matches('`');
+        Some(match self.kind.as_str() {
+            "u64" | "usize" | "u32" | "bool" => text.to_owned(),
+            "f64" => format!("{:?}", text.parse::<f64>().ok()?),
+            "f32" => format!("{:?}", text.parse::<f32>().ok()?),
+            _ => format!("{text:?}"),
+        })
+    }
+
     /// Where the default comes from: what stands in brackets behind it.
     pub(super) fn origin(&self) -> Option<&str> {
         let (_, rest) = self.text.split_once("Default ")?;
@@ -56,6 +69,18 @@ pub(super) fn keys() -> Vec<Key> {
     let mut keys = Vec::new();
     list(&types(), ROOT, "", &mut keys);
     keys
+}
+
+/// Keys that are left out of what is stored while they have their default, each with that default, as the keys' comments
+/// name it. Keys of a section that is off are not among them.
+pub(crate) fn unstored_defaults() -> Vec<(String, String)> {
+    let keys = keys();
+    let is_off = |key: &Key| {
+        keys.iter().any(|s| s.section && s.optional && key.path.starts_with(&format!("{}.", s.path)))
+    };
+    let always = |key: &&Key| !key.section && !key.optional && !is_off(key);
+    let named = |key: &Key| Some((key.path.clone(), key.default()?));
+    keys.iter().filter(always).filter_map(named).collect()
 }
 
 /// A field: its name, its type, its comment.
@@ -105,7 +130,24 @@ fn list(types: &BTreeMap<String, Vec<Field>>, kind: &str, prefix: &str, keys: &m
 
 #[cfg(test)]
 mod tests {
-    use super::keys;
+    use jostle_ppo::Config;
+
+    use super::{keys, unstored_defaults};
+
+    /// What `explain` and `compare` say of a key that is not stored is what the key is.
+    #[test]
+    fn every_default_that_a_comment_names_is_the_default() {
+        let defaults = unstored_defaults();
+        for (path, default) in &defaults {
+            let set = [format!("{path}={default}")];
+            let config = Config::parse("", "", &set).unwrap_or_else(|error| panic!("{path}: {error}"));
+            assert_eq!(config, Config::default(), "{path} is not {default} by default");
+        }
+        let named =
+            |path: &str| defaults.iter().find(|(key, _)| key == path).map(|(_, default)| default.as_str());
+        assert_eq!(named("sim.laser.fov"), Some("6.2831855"));
+        assert_eq!(named("sim.laser.angle_min"), Some("0.0"));
+    }
 
     #[test]
     fn units_and_origins_are_read_from_the_comments() {

@@ -8,6 +8,7 @@ mod keys;
 mod range;
 mod schema;
 
+use std::collections::BTreeMap;
 use std::process::ExitCode;
 
 use anyhow::{Result, bail};
@@ -16,6 +17,7 @@ use jostle_policy::did_you_mean;
 use jostle_ppo::{Config, PopulationConfig};
 use jostle_sim::TrainingCrowd;
 
+pub(crate) use self::keys::unstored_defaults;
 use self::keys::{Key, keys};
 use crate::compare::flat;
 use crate::output;
@@ -55,7 +57,8 @@ pub(crate) fn run(args: &ConfigArgs) -> Result<ExitCode> {
 /// The explanation of a key, or of all keys of a section.
 fn explain(wanted: &str) -> Result<String> {
     let keys = keys();
-    let defaults = flat(&with_all_sections()?);
+    let mut defaults = BTreeMap::from_iter(unstored_defaults());
+    defaults.extend(flat(&with_all_sections()?));
     let within =
         |key: &&Key| wanted.is_empty() || key.path == wanted || key.path.starts_with(&format!("{wanted}."));
     let chosen: Vec<&Key> = keys.iter().filter(within).collect();
@@ -104,6 +107,9 @@ mod tests {
             alpha.starts_with("alpha = 0.1\n    Weight") && alpha.contains("Accepted: a finite number ≥ 0.")
         );
         assert!(explain("sim.laser").unwrap().contains("sim.laser.beams = 512"));
+        let fov = explain("sim.laser.fov").unwrap();
+        assert!(fov.starts_with("sim.laser.fov = 6.2831855\n"), "{fov}");
+        assert!(fov.contains("Accepted: radians in (0, 6.2831855]."), "{fov}");
         let message = explain("laser.noise_std").unwrap_err().to_string();
         assert!(message.contains("no such key; did you mean sim.laser.noise_std?"), "{message}");
     }

@@ -1,9 +1,11 @@
 //! The configuration as a JSON Schema (draft 2020-12), from its comments, its checks and its defaults.
 
+use std::collections::BTreeMap;
+
 use anyhow::{Context as _, Result};
 use serde_json::{Map, Value, json};
 
-use super::keys::{Key, keys};
+use super::keys::{Key, keys, unstored_defaults};
 use super::range::{accepted, bounds, words};
 use super::with_all_sections;
 
@@ -17,13 +19,15 @@ const ALIASES: [(&str, &str); 3] = [("N", "n_agents"), ("M", "n_behaviours"), ("
 pub(super) fn schema() -> Result<Value> {
     let keys = keys();
     let defaults = serde_json::to_value(with_all_sections()?).context("defaults that are no JSON")?;
+    let unstored = BTreeMap::from_iter(unstored_defaults());
     let mut root = section("A training run of jostle.");
     root["$schema"] = "https://json-schema.org/draft/2020-12/schema".into();
     root["title"] = "jostle training configuration".into();
     for key in &keys {
         let pointer = format!("/{}", key.path.replace('.', "/"));
-        let entry =
-            if key.section { section(&key.text) } else { leaf(&keys, key, defaults.pointer(&pointer)) };
+        let named = unstored.get(&key.path).and_then(|text| serde_json::from_str(text).ok());
+        let default = defaults.pointer(&pointer).or(named.as_ref());
+        let entry = if key.section { section(&key.text) } else { leaf(&keys, key, default) };
         *place(&mut root, &key.path) = entry;
     }
     for (alias, name) in ALIASES {
@@ -170,6 +174,8 @@ mod tests {
             "alfa = 1",
             "alpha = \"x\"",
             "[sim.laser]\nbeams = 9000",
+            "[sim.laser]\nfov = 6.3",
+            "[sim.laser]\nangle_min = -7",
             "[sim.robot]\nv_max = 0.0",
             "[sim.robot.acceleration]\nv = -1.0\nw = 1.0",
             "[discriminator]\nnoise = \"loud\"",
@@ -190,5 +196,12 @@ mod tests {
         assert_eq!((&noise["default"], &noise["unit"]), (&0.02.into(), &"m".into()));
         assert_eq!((&noise["minimum"], &noise["maximum"]), (&0.0.into(), &100.0.into()));
         assert_eq!(schema["properties"]["gamma"]["origin"], "paper");
+        // Left out of what is stored while it has its default.
+        let fov = &schema["properties"]["sim"]["properties"]["laser"]["properties"]["fov"];
+        let circle = 6.283_185_5;
+        assert_eq!(
+            (&fov["default"], &fov["unit"], &fov["maximum"]),
+            (&circle.into(), &"rad".into(), &circle.into())
+        );
     }
 }

@@ -58,7 +58,13 @@ struct Unstable {
 /// Checks every scene with both kernels.
 pub(crate) fn check(file: &LidarFile, verdict: &mut Verdict) -> Result<()> {
     for kernel in [LaserKernel::Analytic, LaserKernel::Parry] {
-        let laser = LaserConfig { beams: file.beams, range: file.range, noise_std: 0.0, kernel };
+        let laser = LaserConfig {
+            beams: file.beams,
+            range: file.range,
+            noise_std: 0.0,
+            kernel,
+            ..LaserConfig::default()
+        };
         let (mut far, mut stable) = (0, 0);
         for scene in &file.scenes {
             let name = format!("{} ({kernel:?})", scene.name);

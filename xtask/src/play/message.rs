@@ -80,7 +80,7 @@ pub(crate) struct Frame {
     /// v, ω that led here.
     pub(crate) command: [f32; 2],
     pub(crate) goal: [f32; 2],
-    /// Least range (m).
+    /// Distance to the nearest thing all round (m).
     pub(crate) near: f32,
     /// A byte for each kept beam, base 64; 255 is the laser's range.
     pub(crate) ranges: String,

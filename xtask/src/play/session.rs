@@ -213,7 +213,7 @@ impl<'a> Session<'a> {
             robot: pose(&self.room.robot()),
             command: self.room.robot_velocity(),
             goal: self.room.robot().goal.to_array(),
-            near: ranges.iter().copied().fold(f32::INFINITY, f32::min),
+            near: self.room.robot_nearest(),
             ranges: base64(&ranges.iter().step_by(stride).map(byte).collect::<Vec<u8>>()),
             pedestrians: pedestrians.iter().map(pose).collect(),
             goals: pedestrians.iter().map(|pedestrian| pedestrian.goal.to_array()).collect(),

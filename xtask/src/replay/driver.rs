@@ -1,5 +1,6 @@
 //! Who drives the robot of a replay: a trained policy, or one written by hand.
 
+use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::Result;
@@ -36,10 +37,15 @@ impl Driver {
         }
         let policy = policies::load(&policies::checkpoint(path)?)?;
         let provenance = &policy.file.provenance;
-        let note = format!(
+        let mut note = format!(
             "M = {}, {} updates, seed {}, token {token}",
             policy.file.network.n_behaviours, provenance.update, provenance.seed
         );
+        if let Ok(sim) = policy.sim_config()
+            && !sim.laser.is_full_circle()
+        {
+            let _ = write!(note, ", its laser sees {}", sim.laser.view());
+        }
         Ok(Self { name: policy.identity.name.clone(), note, token: Some(token), policy: Some(policy) })
     }
 
@@ -60,9 +66,8 @@ impl Driver {
         if let Some(policy) = &self.policy {
             return Ok(Box::new(TrainedRobot::new(policy, token, config.backend)?));
         }
-        let beams: Vec<[f32; 2]> = (0..config.sim.laser.beams)
-            .map(|k| direction(std::f32::consts::TAU * k as f32 / config.sim.laser.beams as f32))
-            .collect();
+        let beams: Vec<[f32; 2]> =
+            config.sim.laser.beam_angles().map(|angle| direction(angle as f32)).collect();
         Ok(Box::new(PerRow::new(move |row: &[f32]| seek(&beams, row))))
     }
 }

@@ -11,6 +11,7 @@ use jostle_eval::metrics::EpisodeMetrics;
 use jostle_eval::protocol::Protocol;
 use jostle_eval::replay::{EpisodeTrace, TraceFrame, beam_stride};
 use jostle_peds::{CrowdKind, Pedestrian};
+use jostle_sim::LaserConfig;
 use serde::Serialize;
 
 use super::BEAMS;
@@ -44,10 +45,28 @@ pub(crate) struct Scene {
 
 #[derive(Serialize)]
 struct LaserScene {
+    /// Beams that are kept.
     beams: usize,
+    /// Angle of the first one from straight ahead (rad).
+    start: f32,
     /// Angle between two kept beams (rad).
     step: f32,
     range: f32,
+    /// Whether the beams go all round, so that the last one is the first one's neighbour.
+    circle: bool,
+}
+
+impl LaserScene {
+    fn new(laser: &LaserConfig) -> Self {
+        let stride = beam_stride(laser.beams, BEAMS);
+        Self {
+            beams: laser.beams.div_ceil(stride),
+            start: laser.angle_min,
+            step: (laser.beam_angle(stride) - laser.beam_angle(0)) as f32,
+            range: laser.range,
+            circle: laser.is_full_circle(),
+        }
+    }
 }
 
 impl Scene {
@@ -60,7 +79,6 @@ impl Scene {
         let reach =
             site.iter().flatten().map(|corner| corner.abs().max_element()).fold(sim.laser.range, f32::max);
         ensure!(reach <= LARGEST, "a replay shows rooms and lasers up to {LARGEST} m, found {reach} m");
-        let stride = beam_stride(sim.laser.beams, BEAMS);
         Ok(Self {
             site: site.iter().map(|polygon| polygon.iter().map(Vec2::to_array).collect()).collect(),
             body: [sim.robot.length, sim.robot.width],
@@ -68,11 +86,7 @@ impl Scene {
             goal_radius: sim.episode.goal_radius,
             crash_range: sim.episode.crash_range,
             v_max: sim.robot.v_max,
-            laser: LaserScene {
-                beams: sim.laser.beams.div_ceil(stride),
-                step: std::f32::consts::TAU * stride as f32 / sim.laser.beams as f32,
-                range: sim.laser.range,
-            },
+            laser: LaserScene::new(&sim.laser),
         })
     }
 }
@@ -105,7 +119,7 @@ struct Run {
     robot: String,
     /// v, ω of each frame.
     command: String,
-    /// Least range of each frame.
+    /// Distance to the nearest thing all round, of each frame.
     near: String,
     ranges: String,
     /// x, y, heading of each pedestrian of each frame.
@@ -268,7 +282,24 @@ pub(crate) fn base64(bytes: &[u8]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{base64, fill};
+    use jostle_sim::LaserConfig;
+
+    use super::{LaserScene, base64, fill};
+
+    #[test]
+    fn kept_beams_are_drawn_where_the_laser_points_them() {
+        let sector = LaserConfig { beams: 541, fov: 4.7, angle_min: -2.35, ..LaserConfig::default() };
+        let half = LaserConfig { beams: 16, fov: std::f32::consts::PI, ..LaserConfig::default() };
+        for (laser, kept) in [(LaserConfig::default(), 128), (sector, 109), (half, 16)] {
+            let scene = LaserScene::new(&laser);
+            let stride = laser.beams.div_ceil(kept);
+            assert_eq!((scene.beams, scene.circle), (kept, laser.is_full_circle()));
+            for k in 0..kept {
+                let drawn = f64::from(scene.start + k as f32 * scene.step);
+                assert!((drawn - laser.beam_angle(k * stride)).abs() < 1e-5, "beam {k} of {laser:?}");
+            }
+        }
+    }
 
     #[test]
     fn base64_of_the_rfc() {

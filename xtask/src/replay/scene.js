@@ -82,20 +82,25 @@ const Scene = (() => {
     c.stroke();
   }
 
+  // Where the beams of a scan end: `ranges` are bytes of the laser's range, the first beam points `start` from the heading.
+  function ends([x, y, heading], laser, ranges) {
+    return Array.from(ranges, (byte, k) => {
+      const range = byte / 255 * laser.range, angle = heading + laser.start + k * laser.step;
+      return [x + range * Math.cos(angle), y + range * Math.sin(angle)];
+    });
+  }
+
   function drawLaser(p, world, run, index) {
     const c = p.context, beams = world.laser.beams;
-    const [x, y, heading] = between(run.robot, index, 0, 1, 0);
-    const points = [];
-    for (let k = 0; k < beams; k++) {
-      const range = run.ranges[index * beams + k] / 255 * world.laser.range, angle = heading + k * world.laser.step;
-      points.push([x + range * Math.cos(angle), y + range * Math.sin(angle)]);
-    }
+    const robot = between(run.robot, index, 0, 1, 0), [x, y] = robot;
+    const points = ends(robot, world.laser, run.ranges.slice(index * beams, (index + 1) * beams));
     const rgb = colour("laser");
     const glow = c.createRadialGradient(p.x(x), p.y(y), 0, p.x(x), p.y(y), world.laser.range * p.scale);
     glow.addColorStop(0, `rgba(${rgb}, 0.26)`);
     glow.addColorStop(1, `rgba(${rgb}, 0.06)`);
     c.beginPath();
-    path(p, points);
+    // A sector is closed by way of the robot.
+    path(p, world.laser.circle ? points : [[x, y], ...points]);
     c.closePath();
     c.fillStyle = glow;
     c.fill();
@@ -312,5 +317,5 @@ const Scene = (() => {
     return [box.left - MARGIN + x, box.top + MARGIN - y];
   }
 
-  return { draw, locate, colour, bounds };
+  return { draw, locate, colour, bounds, ends };
 })();

@@ -6,7 +6,7 @@ use jostle_diversity::DiversityError;
 use jostle_policy::PolicyError;
 use jostle_sim::SimError;
 
-use super::Config;
+use super::{Config, NetworkInputs};
 use crate::PpoError;
 
 /// Most transitions of one update: row numbers are 32 bits, and this many default observations are 6 GiB.
@@ -58,6 +58,7 @@ impl Config {
             let expected = format!("at most {OBSERVATIONS_MAX} (transitions · length of an observation)");
             return Err(refuse("horizon", format!("{values} values an update"), expected));
         }
+        self.check_view()?;
         self.network_config().validate().map_err(in_network)?;
         self.discriminator.validate().map_err(in_discriminator)
     }
@@ -72,6 +73,17 @@ impl Config {
             return Err(refuse("population.files", "no file", expected));
         }
         Ok(())
+    }
+
+    /// Bodies are read out of scans that go all round from straight ahead.
+    fn check_view(&self) -> Result<(), PpoError> {
+        let laser = &self.sim.laser;
+        let usual = laser.is_full_circle() && laser.angle_min == 0.0;
+        if usual || self.network.inputs != NetworkInputs::Motion {
+            return Ok(());
+        }
+        let found = format!("motion, with a laser that sees {}", laser.view());
+        Err(refuse("network.inputs", found, "scans, or a laser that sees all round from 0 rad"))
     }
 }
 

@@ -310,6 +310,27 @@ mod tests {
             "a.toml:2:1: discriminator.hidden: found 0, expected 1 to 65536",
         );
         check("[network]\nhidden = 0", NONE, "a.toml:2:1: network.hidden: found 0, expected 1 to 65536");
+        check(
+            "[sim.laser]\nfov = 270.0",
+            NONE,
+            "a.toml:2:1: sim.laser.fov: found 270, expected radians in (0, 6.2831855]",
+        );
+        // Bodies would be seen where none are.
+        check(
+            "[network]\ninputs = \"motion\"\n[sim.laser]\nfov = 3.0",
+            NONE,
+            "a.toml:2:1: network.inputs: found motion, with a laser that sees 3 rad from 0 rad, expected scans, or a \
+             laser that sees all round from 0 rad",
+        );
+    }
+
+    #[test]
+    fn a_laser_that_sees_all_round_leaves_the_hash_alone() {
+        let hash = |text: &str| Config::parse(text, "a.toml", NONE).expect("a configuration").hash();
+        let usual = hash("");
+        assert_eq!(hash("[sim.laser]\nfov = 6.283185307179586\nangle_min = 0.0"), usual);
+        assert_ne!(hash("[sim.laser]\nfov = 3.0"), usual);
+        assert_ne!(hash("[sim.laser]\nangle_min = 1.0"), usual);
     }
 
     #[test]

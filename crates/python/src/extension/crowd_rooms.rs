@@ -35,6 +35,12 @@ impl PyCrowdRooms {
         self.lock().plan().config.sim.observation_len()
     }
 
+    /// Angle of every beam from straight ahead, counter-clockwise (rad).
+    #[getter]
+    fn beam_angles(&self) -> Vec<f64> {
+        self.lock().plan().config.sim.laser.beam_angles().collect()
+    }
+
     /// The robot's largest linear and angular velocity (m/s, rad/s).
     #[getter]
     fn limits(&self) -> [f32; 2] {

@@ -57,6 +57,17 @@ impl PyPolicy {
         self.loaded.file.network.observation_len()
     }
 
+    /// Angle of every beam of the laser that it was trained with, from straight ahead, counter-clockwise (rad); `None` where
+    /// its file does not say.
+    #[getter]
+    fn beam_angles(&self) -> PyResult<Option<Vec<f64>>> {
+        if !self.loaded.file.metadata.contains_key("sim") {
+            return Ok(None);
+        }
+        let sim = self.loaded.sim_config().map_err(value_error)?;
+        Ok(Some(sim.laser.beam_angles().collect()))
+    }
+
     /// Writes the mean action of every row.
     fn act(&self, py: Python<'_>, observations: PyBuffer<f32>, actions: PyBuffer<f32>) -> PyResult<()> {
         let (found, expected) = (observations.shape(), self.observation_len());

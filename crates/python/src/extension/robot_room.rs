@@ -44,6 +44,12 @@ impl PyRobotRoom {
         self.config.sim.observation_len()
     }
 
+    /// Angle of every beam from straight ahead, counter-clockwise (rad).
+    #[getter]
+    fn beam_angles(&self) -> Vec<f64> {
+        self.config.sim.laser.beam_angles().collect()
+    }
+
     /// Robots in the room.
     #[getter]
     fn n_agents(&self) -> usize {

@@ -5,6 +5,11 @@ use crate::error::SimError;
 
 /// Most beams a laser may have; the culling's angles are good to a quarter of the spacing at this count.
 const BEAMS_MAX: usize = 8192;
+/// Angle of view of the full circle, rad.
+const FULL_CIRCLE: f32 = std::f32::consts::TAU;
+/// Least gap that a sector leaves, rad: a full circle written with too few digits is no sector. The gap of a scan of
+/// [`BEAMS_MAX`] beams whose last one is the first one's neighbour is seven times as wide.
+const GAP_MIN: f32 = 1e-4;
 
 /// `value` must lie in [low, high]; NaN never does.
 pub(crate) fn within(field: &str, value: f32, low: f32, high: f32) -> Result<(), SimError> {
@@ -84,7 +89,27 @@ impl LaserConfig {
             ));
         }
         positive("laser.range", self.range, 1000.0)?;
-        within("laser.noise_std", self.noise_std, 0.0, 100.0)
+        within("laser.noise_std", self.noise_std, 0.0, 100.0)?;
+        if !(self.fov > 0.0 && self.fov <= FULL_CIRCLE) {
+            return Err(SimError::field("laser.fov", self.fov, format!("radians in (0, {FULL_CIRCLE}]")));
+        }
+        if !self.is_full_circle() && self.fov > FULL_CIRCLE - GAP_MIN {
+            let expected =
+                format!("{FULL_CIRCLE} for the full circle, or a sector with a gap of {GAP_MIN} rad");
+            return Err(SimError::field("laser.fov", self.fov, expected));
+        }
+        if !(-FULL_CIRCLE..=FULL_CIRCLE).contains(&self.angle_min) {
+            let expected = format!("radians in [{}, {FULL_CIRCLE}]", -FULL_CIRCLE);
+            return Err(SimError::field("laser.angle_min", self.angle_min, expected));
+        }
+        if !self.is_full_circle() && self.beams == 1 {
+            return Err(SimError::field(
+                "laser.beams",
+                1,
+                "at least 2 in a sector, one for each of its edges",
+            ));
+        }
+        Ok(())
     }
 }
 
@@ -149,6 +174,54 @@ mod tests {
             "[reward.safety_zone]\nego_weight = -1.0",
             "reward.safety_zone.ego_weight: found -1, expected a number in [0, 1000000]",
         );
+    }
+
+    #[test]
+    fn a_sector_is_given_in_radians_within_the_circle() {
+        let of_fov = |value: &str, expected: &str| {
+            check(
+                &format!("[laser]\nfov = {value}"),
+                &format!("laser.fov: found {value}, expected {expected}"),
+            );
+        };
+        let radians = "radians in (0, 6.2831855]";
+        for value in ["270", "0", "-1", "6.2832"] {
+            of_fov(value, radians);
+        }
+        check("[laser]\nfov = nan", &format!("laser.fov: found NaN, expected {radians}"));
+        // Two pi with too few digits is no sector whose ends are a hair apart.
+        let gap = "6.2831855 for the full circle, or a sector with a gap of 0.0001 rad";
+        for value in ["6.2831", "6.283185"] {
+            of_fov(value, gap);
+        }
+        check(
+            "[laser]\nangle_min = -180.0",
+            "laser.angle_min: found -180, expected radians in [-6.2831855, 6.2831855]",
+        );
+        check(
+            "[laser]\nangle_min = nan",
+            "laser.angle_min: found NaN, expected radians in [-6.2831855, 6.2831855]",
+        );
+        let one = "laser.beams: found 1, expected at least 2 in a sector, one for each of its edges";
+        check("[laser]\nbeams = 1\nfov = 1.0", one);
+        for accepted in
+            ["fov = 6.283", "fov = 6.283185307179586", "fov = 0.001\nbeams = 2", "angle_min = -6.283185307"]
+        {
+            let config: SimConfig = toml::from_str(&format!("[laser]\n{accepted}")).expect("well-formed");
+            assert_eq!(config.validate(), Ok(()), "{accepted}");
+        }
+    }
+
+    #[test]
+    fn a_full_circle_from_straight_ahead_is_stored_as_before_there_were_sectors() {
+        let before = r#"{"beams":512,"range":10.0,"noise_std":0.02,"kernel":"analytic"}"#;
+        let laser: LaserConfig = serde_json::from_str(before).expect("JSON");
+        assert_eq!(laser, LaserConfig::default());
+        assert_eq!(serde_json::to_string(&laser).expect("JSON"), before);
+        let sector = LaserConfig { fov: 3.0, angle_min: -1.5, ..laser };
+        let text = serde_json::to_string(&sector).expect("JSON");
+        assert!(text.contains(r#""fov":3.0,"angle_min":-1.5"#), "{text}");
+        assert_eq!(serde_json::from_str::<LaserConfig>(&text).expect("JSON"), sector);
     }
 
     #[test]

@@ -11,7 +11,8 @@
 // A lazy `&&` is a branch; a kernel wants none.
 #![allow(clippy::needless_bitwise_bool)]
 
-use super::targets::{Disc, Edge, NOTHING, Span, Targets, WALL, WallsInFrame, decode};
+use super::span::Span;
+use super::targets::{Disc, Edge, NOTHING, Targets, WALL, WallsInFrame, decode};
 use super::{Chunk, Directions, Hit, LANES};
 use std::ops::Range;
 

@@ -57,7 +57,7 @@ mod tests {
             let shape = if i % 2 == 0 { Shape::square(0.5) } else { Shape::Circle { radius: 0.3 } };
             world.add_body(&shape, pose).expect("body");
         }
-        let directions = Directions::new(512);
+        let directions = Directions::new(&LaserConfig::default());
         let mut targets = Targets::default();
         let sensor = Pose::new(Vec2::new(0.3, 4.0), 1.0);
         targets.collect(&world, sensor, |_| true, &LaserConfig::default());

@@ -1,16 +1,19 @@
-//! The laser scanner: a full circle of beams from one point, against walls, obstacles and those bodies it may see.
+//! The laser scanner: beams from one point, all round or over a sector, against walls, obstacles and those bodies it may
+//! see.
 //!
-//! Reading order: this file (what a scan is), [`targets`] (shapes in the sensor's frame, each with the beams it can
-//! cover), [`analytic`] (closed forms, eight beams at a time), [`dispatch`] (the same code per CPU feature), [`oracle`]
-//! (parry's casts), [`noise`].
+//! Reading order: this file (what a scan is), [`targets`] (shapes in the sensor's frame), [`span`] (the beams that each
+//! can cover), [`analytic`] (closed forms, eight beams at a time), [`dispatch`] (the same code per CPU feature),
+//! [`oracle`] (parry's casts), [`nearest`] (what is near on the sides that a sector does not see), [`noise`].
 //!
 //! Ranges are noise-free here; noise belongs to the observation. A sensor inside a shape, or beyond a wall, reads 0.
 
 mod analytic;
 mod dispatch;
+mod nearest;
 mod noise;
 mod oracle;
 mod scene;
+mod span;
 mod targets;
 
 pub(crate) use dispatch::noisy_frame;
@@ -53,12 +56,16 @@ pub enum Sensor {
     Free(Pose),
 }
 
-/// The nearest return of a scan.
+/// What is nearest to a sensor all round, which the crash rule judges.
+///
+/// A full circle of beams sees it: it is the scan's least range. A sector does not, and yet a robot whose laser looks
+/// ahead can be hit from behind: there it is the distance to the nearest surface of all walls, obstacles and bodies
+/// that exist for the sensor, on whichever side they are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ScanSummary {
-    /// Least noise-free range, m.
+    /// Least noise-free distance, m; the laser's range where nothing is nearer.
     pub min_range: f32,
-    /// What the (first) beam with that range meets.
+    /// What is there: what the (first) beam with that range meets, or the (first) nearest thing around a sector.
     pub nearest: Hit,
 }
 
@@ -69,11 +76,11 @@ pub(crate) struct Directions {
 }
 
 impl Directions {
-    fn new(beams: usize) -> Self {
+    fn new(laser: &LaserConfig) -> Self {
         let component = |f: fn(f64) -> f64| {
-            let mut chunks = vec![[0.0; LANES]; beams.div_ceil(LANES)];
-            for (k, value) in chunks.as_flattened_mut()[..beams].iter_mut().enumerate() {
-                *value = f(std::f64::consts::TAU * k as f64 / beams as f64) as f32;
+            let mut chunks = vec![[0.0; LANES]; laser.beams.div_ceil(LANES)];
+            for (k, value) in chunks.as_flattened_mut()[..laser.beams].iter_mut().enumerate() {
+                *value = f(laser.beam_angle(k)) as f32;
             }
             chunks
         };
@@ -115,7 +122,7 @@ impl Laser {
         config.validate()?;
         Ok(Self {
             config: config.clone(),
-            directions: Arc::new(Directions::new(config.beams)),
+            directions: Arc::new(Directions::new(config)),
             targets: Targets::default(),
             ranges: vec![[config.range; LANES]; config.beams.div_ceil(LANES)],
             codes: Vec::new(),
@@ -143,7 +150,7 @@ impl Laser {
     ///
     /// # Shapes
     ///
-    /// `ranges`: one per beam, counter-clockwise from straight ahead; exactly the laser's range where nothing is met.
+    /// `ranges`: one per beam, counter-clockwise; exactly the laser's range where nothing is met.
     ///
     /// # Panics
     ///
@@ -159,9 +166,12 @@ impl Laser {
         let (pose, sees) = view(world, sensor, visible);
         match self.config.kernel {
             LaserKernel::Analytic => {
-                self.targets.collect(world, pose, sees, &self.config);
+                self.targets.collect(world, pose, &sees, &self.config);
                 let min_range = dispatch::cast(&self.directions, &self.targets, &mut self.ranges);
                 ranges.copy_from_slice(&self.ranges.as_flattened()[..ranges.len()]);
+                if !self.config.is_full_circle() {
+                    return nearest::around(world, pose.position, &sees, self.config.range);
+                }
                 let beam = ranges.iter().position(|r| *r == min_range).unwrap_or(0);
                 let nearest = analytic::identify(&self.directions, &self.targets, beam);
                 ScanSummary { min_range, nearest }

@@ -4,7 +4,7 @@
 //! metre, and its cast of a small ball far away loses 1e-4 m to cancellation: sides and discs are solved here, in f64. Directions are computed in the world frame: nothing is shared with the
 //! closed forms but the table of beam angles.
 
-use super::{Directions, Hit, ScanSummary, rotation};
+use super::{Directions, Hit, ScanSummary, nearest, rotation};
 use crate::config::LaserConfig;
 use crate::geometry::Pose;
 use crate::solid::{Outline, Solid};
@@ -36,6 +36,9 @@ pub(super) fn cast(
         if t < summary.min_range {
             summary = ScanSummary { min_range: t, nearest: hit };
         }
+    }
+    if !config.is_full_circle() {
+        return nearest::around(world, sensor.position, sees, config.range);
     }
     summary
 }

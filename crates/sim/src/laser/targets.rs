@@ -1,9 +1,9 @@
 //! What a scan is cast against: the faces of all visible shapes in the sensor's frame, each with the beams it can cover.
 //!
-//! Culling is by whole chunks of beams. A face's first and last beam come from an approximate angle and are widened by
-//! one beam, so that culling never decides about a hit: the kernel's own exact test does.
+//! Culling is by whole chunks of beams and never decides about a hit: the kernel's own exact test does.
 
-use super::{Hit, LANES, rotation};
+use super::span::{Span, View};
+use super::{Hit, rotation};
 use crate::config::LaserConfig;
 use crate::geometry::Pose;
 use crate::solid::{Outline, Solid};
@@ -29,40 +29,6 @@ pub(crate) fn decode(code: u32) -> Hit {
         WALL => Hit::Wall(0),
         _ if code.is_multiple_of(2) => Hit::Obstacle(index),
         _ => Hit::Body(index),
-    }
-}
-
-/// A run of chunks, counter-clockwise, that may go over the end of the circle.
-#[derive(Clone, Copy)]
-pub(crate) struct Span {
-    pub(crate) first: u32,
-    pub(crate) last: u32,
-}
-
-impl Span {
-    /// The chunks of the beams between two directions given in turns, counter-clockwise, with a margin.
-    fn between(from: f32, to: f32, beams: usize) -> Self {
-        let (n, beams) = (beams.div_ceil(LANES), beams as f32);
-        // Turns are not negative, so that a cast rounds down; 2 is rounding up and the margin.
-        let (first, last) = ((from * beams) as i32 - 1, (to * beams) as i32 + 2);
-        let wrap = |beam: i32| beam.rem_euclid(beams as i32) as u32 / LANES as u32;
-        // A full circle that starts and ends within one chunk must not shrink to that chunk.
-        let length = if to >= from { to - from } else { to - from + 1.0 };
-        if (length * beams) as usize + 2 * LANES + 4 >= beams as usize {
-            return Self { first: 0, last: n as u32 - 1 };
-        }
-        Self { first: wrap(first), last: wrap(last) }
-    }
-
-    /// All chunks of a circle.
-    fn all(beams: usize) -> Self {
-        Self { first: 0, last: beams.div_ceil(LANES) as u32 - 1 }
-    }
-
-    /// Whether the run holds a chunk.
-    pub(crate) fn holds(self, chunk: usize) -> bool {
-        let (first, last, chunk) = (self.first, self.last, chunk as u32);
-        if first <= last { first <= chunk && chunk <= last } else { first <= chunk || chunk <= last }
     }
 }
 
@@ -117,7 +83,8 @@ impl Targets {
         self.discs.clear();
         self.around = None;
         self.range = config.range;
-        let frame = Frame { origin: sensor.position, rotation: rotation(sensor.heading), config };
+        let (rotation, view) = (rotation(sensor.heading), View::new(config));
+        let frame = Frame { origin: sensor.position, rotation, range: config.range, view };
         self.walls = world.walls_box().map(|walls| frame.walls(walls));
         for (i, obstacle) in world.obstacles().iter().enumerate() {
             self.add(&frame, obstacle, code(i, false));
@@ -129,9 +96,9 @@ impl Targets {
         }
     }
 
-    fn add(&mut self, frame: &Frame<'_>, solid: &Solid, code: u32) {
+    fn add(&mut self, frame: &Frame, solid: &Solid, code: u32) {
         let offset = solid.pose.position - frame.origin;
-        let reach = frame.config.range + solid.circumradius;
+        let reach = frame.range + solid.circumradius;
         if offset.length_squared() > reach * reach {
             return;
         }
@@ -145,13 +112,13 @@ impl Targets {
             Outline::Segment { a, b } => {
                 let (a, b) = (place(*a), place(*b));
                 let (right, left) = if a.perp_dot(b) >= 0.0 { (a, b) } else { (b, a) };
-                let span = frame.span(turn(right), turn(left));
-                self.edges.push(Edge { right, left, span, code });
+                let span = frame.view.span(turn(right), turn(left));
+                self.edges.extend(span.map(|span| Edge { right, left, span, code }));
             }
         }
     }
 
-    fn add_disc(&mut self, frame: &Frame<'_>, centre: Vec2, radius: f32, code: u32) {
+    fn add_disc(&mut self, frame: &Frame, centre: Vec2, radius: f32, code: u32) {
         let distance = centre.length();
         if distance <= radius {
             self.around.get_or_insert(code);
@@ -161,13 +128,13 @@ impl Targets {
         let sine = radius / distance;
         let half = (sine + 0.571 * sine * sine * sine) * std::f32::consts::FRAC_1_PI * 0.5;
         let middle = turn(centre);
-        let span = frame.span((middle - half).rem_euclid(1.0), (middle + half).rem_euclid(1.0));
-        self.discs.push(Disc { centre, radius, span, code });
+        let span = frame.view.span((middle - half).rem_euclid(1.0), (middle + half).rem_euclid(1.0));
+        self.discs.extend(span.map(|span| Disc { centre, radius, span, code }));
     }
 
     /// Adds the faces of a counter-clockwise outline that look at the sensor.
-    fn add_polygon(&mut self, frame: &Frame<'_>, vertices: &[Vec2], place: impl Fn(Vec2) -> Vec2, code: u32) {
-        let n_before = self.edges.len();
+    fn add_polygon(&mut self, frame: &Frame, vertices: &[Vec2], place: impl Fn(Vec2) -> Vec2, code: u32) {
+        let mut is_inside = true;
         let mut a = place(vertices[vertices.len() - 1]);
         let mut turn_a = None;
         for vertex in vertices {
@@ -176,12 +143,13 @@ impl Targets {
             // Along a face that looks at the sensor, the outline runs clockwise around the sensor.
             if a.perp_dot(b) < 0.0 {
                 let (left, right) = (turn_a.unwrap_or_else(|| turn(a)), turn(b));
-                turn_b = Some(right);
-                self.edges.push(Edge { right: b, left: a, span: frame.span(right, left), code });
+                (turn_b, is_inside) = (Some(right), false);
+                let span = frame.view.span(right, left);
+                self.edges.extend(span.map(|span| Edge { right: b, left: a, span, code }));
             }
             (a, turn_a) = (b, turn_b);
         }
-        if self.edges.len() == n_before {
+        if is_inside {
             self.around.get_or_insert(code);
         }
     }
@@ -192,13 +160,14 @@ fn turn(v: Vec2) -> f32 {
 }
 
 /// The sensor's frame.
-struct Frame<'a> {
+struct Frame {
     origin: Vec2,
     rotation: Vec2,
-    config: &'a LaserConfig,
+    range: f32,
+    view: View,
 }
 
-impl Frame<'_> {
+impl Frame {
     /// A world vector as seen from the sensor: x forward, y left.
     fn turned(&self, v: Vec2) -> Vec2 {
         Vec2::new(self.rotation.dot(v), self.rotation.perp_dot(v))
@@ -210,13 +179,6 @@ impl Frame<'_> {
             to_max: (walls.max - self.origin).max(Vec2::ZERO),
             rotation: self.rotation,
         }
-    }
-
-    fn span(&self, from: f32, to: f32) -> Span {
-        if self.config.beams < 8 * LANES {
-            return Span::all(self.config.beams);
-        }
-        Span::between(from, to, self.config.beams)
     }
 }
 
@@ -231,15 +193,5 @@ mod tests {
         }
         assert_eq!(decode(code(7, false)), Hit::Obstacle(7));
         assert_eq!(decode(code(0, true)), Hit::Body(0));
-    }
-
-    #[test]
-    fn spans_wrap_and_widen() {
-        let span = Span::between(0.99, 0.01, 512);
-        assert!(span.holds(63) && span.holds(0) && !span.holds(30));
-        let span = Span::between(0.25, 0.26, 512);
-        assert!(span.holds(15) && span.holds(16) && !span.holds(14) && !span.holds(18));
-        let span = Span::between(0.001, 0.999, 512);
-        assert!((0..64).all(|chunk| span.holds(chunk)));
     }
 }
