@@ -2,7 +2,7 @@
 
 use jostle_eval::lock_step::run_episodes;
 use jostle_eval::room::RoomPlan;
-use jostle_eval::{EpisodeOutcome, PerRow, Protocol};
+use jostle_eval::{EpisodeOutcome, PerRow, Pools, Protocol};
 use jostle_peds::CrowdKind;
 use jostle_python::crowd_rooms::training_seed;
 use jostle_python::{CrowdRooms, RobotRoom, Settings, settings};
@@ -12,7 +12,7 @@ const WIDTH: usize = 1540;
 
 fn rooms(crowd: CrowdKind, n_rooms: usize) -> CrowdRooms {
     let base = settings::base(None, &[]).unwrap();
-    CrowdRooms::new(Settings::new(&base, crowd, None, None, &[]).unwrap(), n_rooms).unwrap()
+    CrowdRooms::new(Settings::new(&base, crowd, None, None, Pools::default()).unwrap(), n_rooms).unwrap()
 }
 
 /// Turns to the goal and drives on.
@@ -25,7 +25,7 @@ fn seek(row: &[f32]) -> [f32; 2] {
 fn an_episode_of_the_test_ends_here_as_there() {
     for crowd in [CrowdKind::Vo, CrowdKind::Sf] {
         let base = settings::base(None, &[]).unwrap();
-        let settings = Settings::new(&base, crowd, None, None, &[]).unwrap();
+        let settings = Settings::new(&base, crowd, None, None, Pools::default()).unwrap();
         let protocol = Protocol::new(settings.config.clone(), settings.pools.clone()).unwrap();
         let plan = RoomPlan::new(protocol.config(), crowd).unwrap();
         let mut expected = Vec::new();
@@ -43,7 +43,7 @@ fn an_episode_of_the_test_ends_here_as_there() {
             let end = loop {
                 let action = seek(&row);
                 if let Some(end) = rooms.step(&[action]).unwrap()[0].end {
-                    break end;
+                    break end.finished;
                 }
                 row.copy_from_slice(rooms.rooms()[0].robot_observation());
             };
@@ -64,7 +64,7 @@ fn rewards_are_the_equations() {
             let step = rooms.step(&[[v, w]]).unwrap()[0];
             row.copy_from_slice(rooms.rooms()[0].robot_observation());
             let after = row[1536].hypot(row[1537]);
-            let main = match step.end.map(|end| end.outcome) {
+            let main = match step.end.map(|end| end.finished.outcome) {
                 Some(EpisodeOutcome::Success) => 15.0,
                 Some(EpisodeOutcome::CollisionWall | EpisodeOutcome::CollisionPedestrian) => -15.0,
                 Some(EpisodeOutcome::Timeout) | None => 2.5 * (before - after),
@@ -73,8 +73,8 @@ fn rewards_are_the_equations() {
             assert!((step.reward - (main - turning)).abs() < 1e-4, "{step:?}");
             if let Some(end) = step.end {
                 // The last observation is of the state that ended the episode.
-                assert_eq!(end.outcome == EpisodeOutcome::Success, after < 0.5);
-                ends.push(end.outcome);
+                assert_eq!(end.finished.outcome == EpisodeOutcome::Success, after < 0.5);
+                ends.push(end.finished.outcome);
                 break;
             }
         }
