@@ -141,7 +141,7 @@ def commands(actions: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
             found = np.asarray(actions)
             if found.dtype.kind not in "fiub":
                 raise refusal("actions", actions, expected)
-            found = np.ascontiguousarray(found, np.float32)
+            found = found.astype(np.float32, order="C", copy=False)
     except (TypeError, OverflowError):
         raise refusal("actions", actions, expected) from None
     except ValueError as error:

@@ -235,7 +235,8 @@ def test_copies_and_pickles_go_on_bit_for_bit(crowd: str, pool: Path) -> None:
     observation, _ = env.reset(seed=4)
     ends = 0
     for step in range(260):
-        copies = copies_of(env) if step % 65 == 0 else copies
+        if step % 65 == 0:
+            copies = copies_of(env)
         action = seek(observation[None])[0]
         found = env.step(action)
         for other in copies:
