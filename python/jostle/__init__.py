@@ -5,6 +5,7 @@
 - :func:`parallel_env`: several robots in one room, for PettingZoo.
 - :func:`evaluate`: any policy in the test's episodes, with intervals.
 - :class:`Policy`: a policy that jostle trained.
+- :func:`scan_to_row`: from a robot's own numbers to the row that a policy reads.
 
 Mistakes are `ValueError`\\ s of one line: the setting, what was found, what was expected.
 """
@@ -23,12 +24,25 @@ from ._evaluation import Evaluation, evaluate
 from ._jostle import __version__
 from ._keywords import Setting, StrPath
 from ._policy import Policy
+from ._scan import scan_to_row
 from ._vector import VectorRooms
 
 if TYPE_CHECKING:
     from ._parallel import RobotsEnv
 
-__all__ = ["CROWDS", "VALIDATION_CROWDS", "Evaluation", "Policy", "RoomEnv", "VectorRooms", "__version__", "evaluate", "parallel_env", "split"]
+__all__ = [
+    "CROWDS",
+    "VALIDATION_CROWDS",
+    "Evaluation",
+    "Policy",
+    "RoomEnv",
+    "VectorRooms",
+    "__version__",
+    "evaluate",
+    "parallel_env",
+    "scan_to_row",
+    "split",
+]
 
 #: The crowds: NH, IN, VA and SO are driven by policies, VO by ORCA, SF by social forces.
 CROWDS = ("NH", "IN", "VA", "SO", "VO", "SF")
@@ -44,6 +58,7 @@ def parallel_env(
     observe_token: bool = False,
     config: StrPath | None = None,
     settings: Mapping[str, Setting] | None = None,
+    render_mode: str | None = None,
 ) -> RobotsEnv:
     """Several robots in one room, each other's crowd as in training: a PettingZoo ``ParallelEnv``.
 
@@ -52,12 +67,17 @@ def parallel_env(
     until the last has left. (In jostle's own training it would be placed anew at once; PettingZoo does not let an agent come
     back.) A reset begins all episodes together.
 
+    ``infos[agent]`` holds ``token``, ``pose``, ``goal`` and ``clearance`` (to robots, obstacles and walls), and at the end of its
+    episode ``outcome`` (success, collision_wall, collision_agent, timeout), ``is_success`` and the measures, as in
+    :class:`RoomEnv`. A call that is refused changes nothing; ``copy.deepcopy`` and ``pickle`` go on bit for bit.
+
     Args:
         n_agents: robots in the room; those of the configuration (5) if left out.
         n_behaviours: M. Each robot draws a behaviour token below it for every episode: ``infos[agent]["token"]``.
         observe_token: whether the token also stands at the end of the observation, as M numbers of which one is 1.
         config: a TOML file as ``cargo xtask train`` reads it, of which the simulator is taken.
         settings: keys of it by their dotted names.
+        render_mode: ``rgb_array`` for ``render()`` to give the room from above, uint8[height, width, 3].
 
     Raises:
         ImportError: without PettingZoo (``pip install 'jostle[pettingzoo]'``).
@@ -71,6 +91,7 @@ def parallel_env(
         observe_token=observe_token,
         config=config,
         settings=settings,
+        render_mode=render_mode,
     )
 
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from . import _jostle
 from ._env import Float32
-from ._keywords import Pool, Setting, StrPath, count, keywords
+from ._keywords import Pool, Setting, StrPath, count, keywords, seed_or_none
 from ._policy import Policy
 
 Robot = Union[Callable[[Float32], ArrayLike], Policy]
@@ -59,6 +59,7 @@ def evaluate(
     n_pedestrians: int | None = None,
     robot_visible: bool | None = None,
     pool: Pool | None = None,
+    pool_half: Pool | None = None,
     config: StrPath | None = None,
     settings: Mapping[str, Setting] | None = None,
     batch: int = 256,
@@ -90,12 +91,13 @@ def evaluate(
         n_pedestrians=n_pedestrians,
         robot_visible=robot_visible,
         pool=pool,
+        pool_half=pool_half,
         config=config,
         settings=settings,
     )
     count("episodes", episodes, least=1)
     count("batch", batch, least=1)
-    count("seed", seed, least=0)
+    seed_or_none(seed)
     if isinstance(fn, Policy):
         found = _jostle.evaluate_policy(fn.core, words, episodes, seed, batch)
         name = name or fn.name

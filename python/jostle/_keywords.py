@@ -1,17 +1,26 @@
-"""The keywords that all rooms share, put into the form that the Rust side reads."""
+"""The keywords that all rooms share, checked and put into the form that the Rust side reads.
+
+What is wrong is a `ValueError` of one line: the keyword, what was found, what was expected. Nothing has changed then.
+"""
 
 from __future__ import annotations
 
 import json
 import math
+import operator
 import os
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 from typing import Any, TypedDict, Union
+
+import numpy as np
+from numpy.typing import NDArray
 
 StrPath = Union[str, "os.PathLike[str]"]
 Pool = Union[StrPath, Iterable[StrPath]]
 Setting = Union[bool, int, float, str]
+
+#: The largest seed and the largest count: configurations are TOML, whose integers have 64 bits and a sign.
+MOST = 2**63 - 1
 
 
 class Keywords(TypedDict):
@@ -23,6 +32,7 @@ class Keywords(TypedDict):
     n_pedestrians: int | None
     robot_visible: bool | None
     pool: list[str]
+    pool_half: list[str]
 
 
 def keywords(
@@ -31,87 +41,132 @@ def keywords(
     n_pedestrians: int | None,
     robot_visible: bool | None,
     pool: Pool | None,
+    pool_half: Pool | None,
     config: StrPath | None,
     settings: Mapping[str, Setting] | None,
 ) -> Keywords:
-    """Checks and completes the keywords of a room among a crowd; `ValueError` names what is wrong."""
+    """Checks and completes the keywords of a room among a crowd."""
     if not isinstance(crowd, str):
-        raise ValueError(f"crowd: found {crowd!r}, expected one of NH, IN, VA, SO, VO, SF, straight, stop-and-go, cross-play")
+        raise refusal("crowd", crowd, "one of NH, IN, VA, SO, VO, SF, straight, stop-and-go, cross-play")
+    if not (robot_visible is None or isinstance(robot_visible, (bool, np.bool_))):
+        raise refusal("robot_visible", robot_visible, "True, False or None")
     return Keywords(
-        config=path_or_none(config),
+        config=path_or_none("config", config),
         overrides=overrides(settings),
         crowd=crowd,
         n_pedestrians=count("n_pedestrians", n_pedestrians, least=0),
-        robot_visible=robot_visible,
-        pool=[str(path) for path in checkpoints(pool, half=crowd == "SO")],
+        robot_visible=None if robot_visible is None else bool(robot_visible),
+        pool=paths("pool", pool),
+        pool_half=paths("pool_half", pool_half),
     )
 
 
-def path_or_none(path: StrPath | None) -> str | None:
+def refusal(what: str, found: object, expected: str) -> ValueError:
+    """The error of a value, which is shown on one line and shortened."""
+    try:
+        shown = " ".join(repr(found).split())
+    except Exception:  # noqa: BLE001 - whatever it is, its type can be told
+        shown = f"a {type(found).__name__}"
+    shown = shown if len(shown) <= 80 else f"{shown[:79]}…"
+    return ValueError(f"{what}: found {shown}, expected {expected}")
+
+
+def path_or_none(what: str, path: StrPath | None) -> str | None:
     """A path as text."""
-    return None if path is None else os.fspath(path)
+    if path is None:
+        return None
+    try:
+        return os.fsdecode(os.fspath(path))
+    except TypeError:
+        raise refusal(what, path, "a path") from None
+
+
+def paths(what: str, pool: Pool | None) -> list[str]:
+    """One path or several as texts. What they mean is found in Rust, for the commands and for Python alike."""
+    if pool is None:
+        return []
+    if isinstance(pool, (str, os.PathLike)):
+        pool = [pool]
+    try:
+        return [os.fsdecode(os.fspath(path)) for path in pool]
+    except TypeError:
+        raise refusal(what, pool, "a path or several") from None
 
 
 def count(name: str, value: int | None, least: int) -> int | None:
     """A whole number that Rust can take, or `None`."""
-    if value is not None and not least <= value < 2**63:
-        raise ValueError(f"{name}: found {value}, expected a whole number from {least} on")
-    return value
+    return None if value is None else _whole(name, value, least, f"a whole number from {least} on")
+
+
+def seed_or_none(value: int | None) -> int | None:
+    """A seed, or `None`."""
+    return None if value is None else _whole("seed", value, 0, f"a whole number from 0 to {MOST}")
+
+
+def _whole(name: str, value: Any, least: int, expected: str) -> int:
+    try:
+        number = None if isinstance(value, (bool, np.bool_)) else operator.index(value)
+    except TypeError:
+        number = None
+    if number is None or not least <= number <= MOST:
+        raise refusal(name, value, expected)
+    return number
+
+
+def option(options: Mapping[str, Any] | None, known: str | None) -> Any:
+    """The one option that a reset knows, or `None` where it is not given; any other entry is refused."""
+    if options is None:
+        return None
+    if not isinstance(options, Mapping):
+        raise refusal("options", options, "a dictionary or None")
+    expected = "no entry" if known is None else f"{known} alone"
+    for name in options:
+        if name != known:
+            raise refusal("options", name, expected)
+    return options.get(known)
+
+
+def render_mode_or_none(mode: str | None) -> str | None:
+    """A way to render that there is."""
+    if mode not in (None, "rgb_array"):
+        raise refusal("render_mode", mode, "rgb_array or None")
+    return mode
+
+
+def commands(actions: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
+    """Actions as float32 of a shape. Numbers that are none, and ones too large for float32, are left to Rust, which names their row."""
+    expected = f"numbers of shape {shape}"
+    try:
+        with np.errstate(over="ignore"):
+            found = np.asarray(actions)
+            if found.dtype.kind not in "fiub":
+                raise refusal("actions", actions, expected)
+            found = found.astype(np.float32, order="C", copy=False)
+    except (TypeError, OverflowError):
+        raise refusal("actions", actions, expected) from None
+    except ValueError as error:
+        if str(error).startswith("actions: "):
+            raise
+        # A list whose rows differ in length.
+        raise refusal("actions", actions, expected) from None
+    if found.shape != shape:
+        raise ValueError(f"actions: found shape {found.shape}, expected {shape}")
+    return found
 
 
 def overrides(settings: Mapping[str, Setting] | None) -> list[str]:
     """Dotted keys and values as `key=value`, the values as TOML."""
+    if not (settings is None or isinstance(settings, Mapping)):
+        raise refusal("settings", settings, "a dictionary of keys and values")
     return [f"{key}={_toml(key, value)}" for key, value in (settings or {}).items()]
 
 
 def _toml(key: str, value: Any) -> str:
+    value = value.item() if isinstance(value, np.generic) else value
     if isinstance(value, (bool, str)):
         return json.dumps(value)
     if isinstance(value, int):
         return str(value)
     if isinstance(value, float):
         return repr(value) if math.isfinite(value) else ("nan" if math.isnan(value) else f"{value}")
-    raise ValueError(f"settings: {key}: found {value!r}, expected a bool, a number or a text")
-
-
-def checkpoints(pool: Pool | None, half: bool = False) -> list[Path]:
-    """The files that a pool means: checkpoint files, run folders (their newest checkpoint), or folders of either, in the order
-    of their names. With `half`, run folders and their checkpoints stand for the run's checkpoint at half its training."""
-    if pool is None:
-        return []
-    paths = [pool] if isinstance(pool, (str, os.PathLike)) else list(pool)
-    files: list[Path] = []
-    for path in map(Path, paths):
-        if path.is_dir() and not _is_run(path):
-            inside = [p for p in sorted(path.iterdir()) if _is_run(p) or p.suffix == ".safetensors"]
-            if not inside:
-                raise ValueError(f"pool: {path} holds no run folder and no checkpoint")
-            files += map(checkpoint, inside)
-        else:
-            files.append(checkpoint(path))
-    return [_half(file) if half else file for file in files]
-
-
-def checkpoint(path: StrPath) -> Path:
-    """The file itself, or the newest checkpoint of a run folder."""
-    path = Path(path)
-    if not _is_run(path):
-        return path
-    latest = path / "latest"
-    if not latest.is_file():
-        raise ValueError(f"{path} holds no finished checkpoint (no file `latest`)")
-    return path / "checkpoints" / latest.read_text().strip()
-
-
-def _is_run(path: Path) -> bool:
-    return (path / "config.toml").is_file() and (path / "checkpoints").is_dir()
-
-
-def _half(file: Path) -> Path:
-    """A run's checkpoint at half the updates of `file`; a file outside a run stands for itself."""
-    if not (_is_run(file.parent.parent) and file.stem.isdecimal()):
-        return file
-    half = file.with_stem(f"{int(file.stem) // 2:06d}")
-    if not half.is_file():
-        raise ValueError(f"pool: crowd SO needs {half}, which is not there; name half-trained checkpoints themselves")
-    return half
+    raise refusal(f"settings: {key}", value, "a bool, a number or a text")

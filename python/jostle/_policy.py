@@ -7,11 +7,14 @@ from numpy.typing import ArrayLike
 
 from . import _jostle
 from ._env import Float32
-from ._keywords import StrPath, checkpoint
+from ._keywords import StrPath, count, path_or_none, refusal
 
 
 class Policy:
     """A trained policy with one behaviour token: a function of observations that answers with the mean of its actions.
+
+    It refuses numbers that are none: a row with NaN or an infinite number is a `ValueError` that names row and entry. What a
+    scanner says of beams that meet nothing is infinite in ROS; :func:`jostle.scan_to_row` makes a row of it.
 
     Args:
         path: a checkpoint file, or a run folder for its newest checkpoint.
@@ -20,19 +23,28 @@ class Policy:
     Attributes:
         beam_angles: ``float64[beams]``, where the beams of the laser point that it was trained with, from straight ahead,
             counter-clockwise (rad); ``None`` if its file does not say. An environment's own are ``env.beam_angles``.
+
+    Raises:
+        ValueError: one line with what was found and what was expected.
     """
 
     def __init__(self, path: StrPath, token: int = 0) -> None:
-        if not 0 <= token < 2**32:
-            raise ValueError(f"token: found {token}, expected a whole number from 0 on")
-        self.core = _jostle.Policy(str(checkpoint(path)), token)
+        text = path_or_none("path", path)
+        if text is None:
+            raise refusal("path", path, "a path")
+        number = count("token", token, least=0)
+        if number is None or number >= 2**32:
+            raise refusal("token", token, "a whole number from 0 on")
+        token = number
+        self.core = _jostle.Policy(text, token)
         self.name, self.token, self.n_behaviours = self.core.name, token, self.core.n_behaviours
         angles = self.core.beam_angles
         self.beam_angles = None if angles is None else np.array(angles)
 
     def __call__(self, observations: ArrayLike) -> Float32:
         """Actions ``float32[B, 2]`` for observations ``[B, 1540]``, or ``[2]`` for ``[1540]``."""
-        rows = np.ascontiguousarray(observations, np.float32)
+        with np.errstate(over="ignore"):
+            rows = np.ascontiguousarray(observations, np.float32)
         batch = np.atleast_2d(rows)
         actions = np.empty((len(batch), 2), np.float32)
         self.core.act(batch, actions)

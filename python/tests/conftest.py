@@ -22,6 +22,34 @@ def seek(observations: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.stack([forward, turn], axis=1).astype(np.float32)
 
 
+#: Seeds that are none, with the refusal of each.
+WRONG_SEEDS = [
+    (seed, f"seed: found {seed!r}, expected a whole number from 0 to 9223372036854775807")
+    for seed in (-1, 2**63, 2**64, 1.5, "3", True)
+]
+
+
+def same(found: object, expected: object) -> None:
+    """Whether two answers of environments are one another's to the last bit, whatever they are made of."""
+    assert type(found) is type(expected)
+    if isinstance(expected, dict):
+        assert found.keys() == expected.keys()
+        for key in expected:
+            same(found[key], expected[key])
+    elif isinstance(expected, (tuple, list)):
+        assert len(found) == len(expected)
+        for pair in zip(found, expected, strict=True):
+            same(*pair)
+    elif isinstance(expected, np.ndarray):
+        assert found.dtype == expected.dtype and found.shape == expected.shape
+        if expected.dtype == object:
+            same(found.tolist(), expected.tolist())
+        else:
+            assert found.tobytes() == expected.tobytes()
+    else:
+        np.testing.assert_equal(found, expected)
+
+
 @pytest.fixture(scope="session")
 def xtask() -> Callable[..., str]:
     """Runs a command of `cargo xtask` at the repository's root; its standard output."""

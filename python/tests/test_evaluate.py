@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import json
+import pickle
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -121,9 +124,8 @@ def test_mistakes_are_one_line(pool: Path, tmp_path: Path) -> None:
     for keywords, message in [
         ({"episodes": 0}, "episodes: found 0, expected a whole number from 1 on"),
         ({"batch": 0}, "batch: found 0, expected a whole number from 1 on"),
-        ({"seed": -1}, "seed: found -1, expected a whole number from 0 on"),
-        ({"crowd": "SO", "pool": tmp_path}, f"pool: {tmp_path} holds no run folder and no checkpoint"),
-        ({"crowd": "SO", "pool": pool / "run1/checkpoints/000001.safetensors"}, "pool: crowd SO needs"),
+        ({"seed": -1}, "seed: found -1, expected a whole number from 0 to"),
+        ({"crowd": "SO", "pool": tmp_path}, f"{tmp_path} holds no run folder and no checkpoint"),
     ]:
         with pytest.raises(ValueError) as error:
             jostle.evaluate(seek, **keywords)
@@ -141,3 +143,62 @@ def test_a_policy_answers_rows_and_single_observations(pool: Path) -> None:
     np.testing.assert_array_equal(policy(rows[1]), actions[1])
     with pytest.raises(ValueError, match=r"^observations: found shape \[1, 3\], expected rows of 1540$"):
         policy(np.zeros(3))
+    for other in (copy.deepcopy(policy), pickle.loads(pickle.dumps(policy))):
+        np.testing.assert_array_equal(other(rows), actions)
+        assert (other.name, other.token) == ("run1", 0)
+
+
+def test_so_never_takes_the_full_policy_for_the_half_trained_one(pool: Path, tmp_path: Path) -> None:
+    """Where a run has not kept it, and for a file outside a run: refused as on the command line, until it is named."""
+    lost = tmp_path / "lost"
+    shutil.copytree(pool / "run1", lost)
+    (lost / "checkpoints/000002.safetensors").unlink()
+    file = tmp_path / "000004.safetensors"
+    shutil.copy(pool / "run1/checkpoints/000004.safetensors", file)
+    for wrong, message in [
+        (lost, f"crowd SO needs {lost}/checkpoints/000002.safetensors, which is not there; name another with pool_half"),
+        (file, f"crowd SO needs half-trained policies, and {file} is no run's checkpoint; name them with pool_half"),
+    ]:
+        for make in (lambda **words: jostle.evaluate(seek, episodes=2, **words), jostle.RoomEnv, jostle.VectorRooms):
+            with pytest.raises(ValueError) as error:
+                make(crowd="SO", pool=wrong)
+            assert str(error.value) == message
+    half = pool / "run1/checkpoints/000002.safetensors"
+    named = jostle.evaluate(seek, "SO", episodes=4, pool=file, pool_half=half)
+    found = jostle.evaluate(seek, "SO", episodes=4, pool=pool / "run1")
+    assert named.records == found.records
+    full = jostle.evaluate(seek, "SO", episodes=4, pool=file, pool_half=file)
+    assert [r["cell"] for r in full.records] != [r["cell"] for r in found.records]
+
+
+def test_a_policy_refuses_numbers_that_are_none(pool: Path) -> None:
+    policy = jostle.Policy(pool / "run1")
+    rows = np.stack([jostle.RoomEnv("SF").reset(seed=seed)[0] for seed in range(3)])
+    for row, entry, value, name in [
+        (0, 1536, np.nan, "goal x"),
+        (2, 1537, np.inf, "goal y"),
+        (1, 1538, -np.inf, "v"),
+        (1, 1539, np.nan, "ω"),
+        (2, 700, np.inf, "a range"),
+        (0, 0, np.nan, "a range"),
+    ]:
+        wrong = rows.copy()
+        wrong[row, entry] = value
+        with pytest.raises(ValueError) as error:
+            policy(wrong)
+        shown = "NaN" if np.isnan(value) else f"{value}"
+        expected = f"observations: found {shown} in row {row}, entry {entry} ({name}), expected finite numbers"
+        assert str(error.value).startswith(expected)
+        with pytest.raises(ValueError, match=f"in row 0, entry {entry}"):
+            policy(wrong[row])
+    with pytest.raises(ValueError, match="found inf in row 0, entry 1536"):
+        policy(np.where(np.arange(1540) == 1536, 1e300, 0.0))
+
+
+def test_a_policy_that_is_not_there_is_answered_with_the_nearest(pool: Path) -> None:
+    with pytest.raises(ValueError) as error:
+        jostle.Policy(pool / "run")
+    assert str(error.value) == (
+        f"{pool}/run: found no such file or folder, expected a checkpoint file or a run folder; "
+        f"did you mean {pool}/run1 or {pool}/run2?"
+    )

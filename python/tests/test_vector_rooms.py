@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import os
+import pickle
 import subprocess
 import sys
 import tracemalloc
@@ -11,7 +13,7 @@ from pathlib import Path
 import gymnasium
 import numpy as np
 import pytest
-from conftest import seek
+from conftest import WRONG_SEEDS, same, seek
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
@@ -31,7 +33,9 @@ def test_it_is_gymnasiums_own_vector_of_rooms(crowd: str, pool: Path) -> None:
     for _ in range(300):
         np.testing.assert_array_equal(a, b)
         assert info_a.keys() == info_b.keys()
-        if info_a:
+        for key in ("pose", "goal", "clearance", "_pose", "_goal", "_clearance"):
+            same(info_a[key], info_b[key])
+        if "final_info" in info_a:
             ended += info_a["_final_obs"].sum()
             np.testing.assert_array_equal(info_a["_final_obs"], info_b["_final_obs"])
             for i in np.flatnonzero(info_a["_final_obs"]):
@@ -75,6 +79,88 @@ def test_seeds_may_be_given_one_by_one_and_rooms_reset_by_a_mask() -> None:
             env.reset(seed=seed)
     with pytest.raises(ValueError, match=r"reset_mask: found int64\(2,\), expected bool\(3,\)"):
         env.reset(options={"reset_mask": np.zeros(2, np.int64)})
+
+
+def test_rows_of_a_refused_step_are_as_before_after_a_partial_reset() -> None:
+    """What a refused step left unwritten must not come out of the next reset."""
+    refused, undisturbed = jostle.VectorRooms(3, "SF"), jostle.VectorRooms(3, "SF")
+    for env in (refused, undisturbed):
+        env.reset(seed=6)
+        env.step(np.ones((3, 2)))
+    wrong = [
+        (None, "actions: found None, expected numbers of shape (3, 2)"),
+        (np.ones((2, 2)), "actions: found shape (2, 2), expected (3, 2)"),
+        (np.ones((3, 2), object), "actions: found array([[1, 1], [1, 1], [1, 1]], dtype=object), expected numbers of shape (3, 2)"),
+        (np.full((3, 2), np.inf), "actions: found (inf, inf) for room 0, expected finite numbers"),
+        ([[0, 0], [0, np.nan], [0, 0]], "actions: found (0, NaN) for room 1, expected finite numbers"),
+    ]
+    for actions, message in wrong:
+        with pytest.raises(ValueError) as error:
+            refused.step(actions)
+        assert str(error.value) == message
+        mask = {"options": {"reset_mask": np.array([False, True, False])}}
+        same(refused.reset(**mask), undisturbed.reset(**mask))
+        same(refused.step(np.ones((3, 2))), undisturbed.step(np.ones((3, 2))))
+
+
+def test_a_refused_reset_changes_nothing() -> None:
+    env, undisturbed = jostle.VectorRooms(3, "SF"), jostle.VectorRooms(3, "SF")
+    with pytest.raises(ValueError, match="^step: found no episode in room 0, expected a reset before it$"):
+        env.step(np.zeros((3, 2)))
+    same(env.reset(seed=3), undisturbed.reset(seed=3))
+    wrong = [({"seed": seed}, message) for seed, message in WRONG_SEEDS if seed != "3" and seed != 1.5]
+    wrong += [({"seed": [5, seed, 7]}, message) for seed, message in WRONG_SEEDS]
+    wrong += [
+        ({"seed": "345"}, "seed: found '345', expected a whole number, or 3 of them, one for each room"),
+        ({"seed": 2**63 - 2}, f"seed: found {2**63}, expected a whole number from 0 to {2**63 - 1}"),
+        ({"options": {"test_episode": 3}}, "options: found 'test_episode', expected reset_mask alone"),
+        ({"options": {"reset_mask": [True] * 3}}, "reset_mask: found [True, True, True], expected an array bool(3,)"),
+        ({"seed": 1, "options": {"mask": 3}}, "options: found 'mask', expected reset_mask alone"),
+    ]
+    for keywords, message in wrong:
+        with pytest.raises(ValueError) as error:
+            env.reset(**keywords)
+        assert str(error.value) == message
+        same(env.step(np.ones((3, 2))), undisturbed.step(np.ones((3, 2))))
+    same(env.reset(), undisturbed.reset())
+    partly = jostle.VectorRooms(2, "SF", render_mode="rgb_array")
+    partly.reset(seed=1, options={"reset_mask": np.array([True, False])})
+    for what, call in [("step", lambda: partly.step(np.zeros((2, 2)))), ("state", lambda: partly.state(1)), ("render", partly.render)]:
+        with pytest.raises(ValueError, match=f"^{what}: found no episode in room 1, expected a reset before it$"):
+            call()
+    with pytest.raises(ValueError, match="^room: found 2, expected a whole number below 2$"):
+        partly.state(2)
+
+
+@pytest.mark.parametrize(("crowd", "copies"), [("NH", True), ("SF", True), ("SF", False)])
+def test_copies_and_pickles_go_on_bit_for_bit(crowd: str, copies: bool, pool: Path) -> None:
+    env = jostle.VectorRooms(3, crowd, pool=pool, copy=copies, render_mode="rgb_array")
+    observations, _ = env.reset(seed=8)
+    ended = 0
+    for step in range(150):
+        if step % 70 == 20:
+            others = [copy.deepcopy(env), pickle.loads(pickle.dumps(env))]
+        actions = seek(observations)
+        found = env.step(actions)
+        ended += "final_info" in found[-1]
+        if step >= 20:
+            for other in others:
+                same(other.step(actions), found)
+        observations = found[0]
+    assert ended > 0
+    for other in others:
+        same(other.reset(options={"reset_mask": np.array([True, False, True])}), copy.deepcopy(env).reset(options={"reset_mask": np.array([True, False, True])}))
+    same(copy.deepcopy(env).render(), env.render())
+
+
+def test_images_are_those_of_the_rooms() -> None:
+    env = gymnasium.make_vec("jostle/Room-v0", num_envs=2, vectorization_mode="vector_entry_point", render_mode="rgb_array")
+    env.reset(seed=5)
+    images = env.render()
+    for i in range(2):
+        room = jostle.RoomEnv("SF", render_mode="rgb_array")
+        room.reset(seed=5 + i)
+        np.testing.assert_array_equal(images[i], room.render())
 
 
 def test_rust_writes_into_pythons_arrays_and_nothing_is_copied() -> None:

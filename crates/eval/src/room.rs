@@ -147,6 +147,7 @@ pub struct FinishedEpisode {
 }
 
 /// A room in one episode.
+#[derive(Clone)]
 pub struct EvalRoom {
     episode: u64,
     world: World,
@@ -297,6 +298,11 @@ impl EvalRoom {
         let pose = self.world.pose(ROBOT);
         let velocity = pose.direction() * self.velocity[0];
         Pedestrian { position: pose.position, velocity, heading: pose.heading, goal: self.goal }
+    }
+
+    /// Distance from the robot's outline to the nearest pedestrian, obstacle or wall, m; 0 where it touches one.
+    pub fn robot_clearance(&self) -> f32 {
+        self.world.body_clearance(ROBOT)
     }
 
     /// What the crowd may know; `others` holds the robot where the visibility matrix lets it be seen, else nothing.

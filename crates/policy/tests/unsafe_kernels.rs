@@ -116,27 +116,71 @@ fn outer_products_read_and_write_their_operands_alone() {
     }
 }
 
-/// One span of inputs and one of outputs, of which half are zero, or none, so that lists are full: all operands of the
-/// products that leave out zeros end with the last value needed.
-#[test]
-fn products_that_leave_out_zeros_read_and_write_their_operands_alone() {
-    leave_out_zeros(|x| x.max(0.0));
-    leave_out_zeros(|x| x.abs() + 0.1);
+/// Which values of a row of activations are zero. Half of them in each case: with many more the dense products would be used.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Zeros {
+    /// Here and there, as behind a ReLU.
+    Irregular,
+    /// All of every second row: the masks of the others are full.
+    Rows,
+    /// Every second column: the masks of the other columns are full.
+    Columns,
 }
 
-fn leave_out_zeros(activation: fn(f32) -> f32) {
-    let behind_relu =
-        |len, seed| -> Box<[f32]> { values(len, seed).iter().map(|x| activation(*x)).collect() };
+const ZEROS: [Zeros; 3] = [Zeros::Irregular, Zeros::Rows, Zeros::Columns];
+
+impl Zeros {
+    fn activation(self, row: usize, column: usize, x: f32) -> f32 {
+        match self {
+            Self::Irregular => x.max(0.0),
+            Self::Rows if row % 2 == 1 => 0.0,
+            Self::Columns if column % 2 == 1 => 0.0,
+            Self::Rows | Self::Columns => x.abs() + 0.1,
+        }
+    }
+}
+
+/// Says on standard error that a test did less than its name promises, on a processor that cannot do more.
+fn skip(what: &str) {
+    eprintln!("skip: {what}: this processor has no instructions for it");
+}
+
+/// One span of inputs and one of outputs, of which half are zero: all operands of the products that leave out zeros end with
+/// the last value needed.
+#[test]
+fn products_that_leave_out_zeros_read_and_write_their_operands_alone() {
+    ZEROS.into_iter().for_each(leave_out_zeros);
+}
+
+fn leave_out_zeros(zeros: Zeros) {
     let layer = Linear::new(64, 64);
+    if Isa::available().into_iter().all(|isa| !layer.may_leave_out_zeros(isa, 90)) {
+        skip("products that leave out zeros");
+    }
     for isa in Isa::available() {
         for batch in if cfg!(miri) { [17, 18] } else { [17, 90] } {
             let chunks = Chunks::new(batch);
             let (weights, bias) = (values(layer.weights(), 1), values(64, 2));
-            let x = behind_relu(chunks.len(64), 3);
-            let dy = behind_relu(chunks.len(64), 4);
+            let behind_relu = |seed| {
+                let mut data = values(chunks.len(64), seed);
+                for chunk in 0..chunks.count {
+                    let blocks =
+                        data[chunk * chunks.chunk_len(64)..].chunks_mut(chunks.block_stride()).take(4);
+                    for (i, x) in blocks
+                        .enumerate()
+                        .flat_map(|(b, block)| block.iter_mut().enumerate().map(move |(i, x)| ((b, i), x)))
+                    {
+                        let (block, i) = i;
+                        *x = zeros.activation(i / HALF, block * HALF + i % HALF, *x);
+                    }
+                }
+                data
+            };
+            let (x, dy) = (behind_relu(3), behind_relu(4));
             let mut transposed = values(layer.transposed_len(), 5);
             layer.transpose(isa, &weights, &mut transposed);
             let (mut masks, mut dy_masks, mut columns) = (vec![0; chunks.size], Vec::new(), Vec::new());
+            let mut full_rows = 0;
             let at = |row: usize, feature: usize| {
                 let row_in_chunk = row % chunks.size;
                 let block = feature / HALF * chunks.block_stride() + row_in_chunk * HALF + feature % HALF;
@@ -148,6 +192,7 @@ fn leave_out_zeros(activation: fn(f32) -> f32) {
                 let part = chunk * len..(chunk + 1) * len;
                 let forward = Forward::new(&chunks, chunk, &x[part.clone()], &mut y[part.clone()], true);
                 layer.mask_chunk(isa, &chunks, forward.rows, forward.x, &mut masks);
+                full_rows += masks[..forward.rows].iter().filter(|mask| **mask == u64::MAX).count();
                 layer.forward_behind_relu(isa, &weights, &bias, forward, &masks);
                 let (dy, x, rows) = (&dy[part.clone()], &x[part], chunks.rows(chunk));
                 let dx = &mut dx[chunks.first(chunk) * 64..][..rows * 64];
@@ -166,6 +211,16 @@ fn leave_out_zeros(activation: fn(f32) -> f32) {
             }
             let mut gradient = values(layer.weights(), 8);
             layer.weight_gradient_behind_relu(isa, &chunks, &x, &dy, &mut gradient, &mut columns);
+            if layer.may_leave_out_zeros(isa, batch) {
+                // The case is what its name says.
+                let full = |chunk: usize| u64::MAX >> (64 - chunks.rows(chunk));
+                let is_full = |(i, mask): (usize, &u64)| *mask == full(i / 64);
+                let full_columns = columns.iter().enumerate().filter(|column| is_full(*column)).count();
+                let expected_rows = (0..chunks.count).map(|chunk| chunks.rows(chunk).div_ceil(2)).sum();
+                assert_eq!(full_rows, if zeros == Zeros::Rows { expected_rows } else { 0 }, "{zeros:?}");
+                let expected_columns = if zeros == Zeros::Columns { 32 * chunks.count } else { 0 };
+                assert_eq!(full_columns, expected_columns, "{zeros:?}");
+            }
             let weight = |input, output| f64::from(weights[layer.index(input, output)]);
             let of = |data: &[f32], row, feature| f64::from(data[at(row, feature)]);
             let sum = |term: &dyn Fn(usize) -> f64, n: usize| (0..n).map(term).sum::<f64>();
@@ -232,11 +287,23 @@ fn aligned_memory_is_as_long_as_it_says() {
 /// Positions of a sample whose operands end with the last value needed: conv2 where zeros are left out.
 #[test]
 fn convolutions_that_leave_out_zeros_read_and_write_their_operands_alone() {
-    for isa in Isa::available().into_iter().filter(|isa| Linear::new(64, 64).may_leave_out_zeros(*isa, 64)) {
+    ZEROS.into_iter().for_each(convolve);
+}
+
+fn convolve(zeros: Zeros) {
+    let with_zeros = |len, seed| -> Box<[f32]> {
+        let activation = |(i, x): (usize, &f32)| zeros.activation(i / 32, i % 32, *x);
+        values(len, seed).iter().enumerate().map(activation).collect()
+    };
+    let can = |isa: &Isa| Linear::new(64, 64).may_leave_out_zeros(*isa, 64);
+    if !Isa::available().iter().any(can) {
+        skip("convolutions that leave out zeros");
+    }
+    for isa in Isa::available().into_iter().filter(can) {
         for (positions, even) in if cfg!(miri) { vec![(2, false)] } else { vec![(2, true), (66, false)] } {
             let rows = 2 * positions - usize::from(!even);
-            let d_out: Box<[f32]> = values(positions * 32, 1).iter().map(|x| x.max(0.0)).collect();
-            let input: Box<[f32]> = values((2 * positions + 1) * 32, 2).iter().map(|x| x.max(0.0)).collect();
+            let d_out = with_zeros(positions * 32, 1);
+            let input = with_zeros((2 * positions + 1) * 32, 2);
             let transposed = values(3 * 32 * 32, 3);
             let mut masks = SampleMasks::default();
             let mask =

@@ -46,6 +46,8 @@ fn a_configuration_without_an_end_is_not_read() {
     if Path::new("/dev/zero").exists() {
         let message = one_short_line(&Config::load(Path::new("/dev/zero"), NONE).expect_err("a device"));
         assert!(message.contains("found no file"), "{message}");
+    } else {
+        eprintln!("skip: a configuration without an end: this machine has no /dev/zero");
     }
 }
 

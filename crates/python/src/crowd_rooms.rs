@@ -3,14 +3,20 @@
 //! They are the rooms of the test (`jostle_eval::room`), one episode after another. What the test does not need is added here:
 //! the reward, which is that of `jostle-sim`, and the observation in which an episode ends.
 
+use std::sync::Arc;
+
 use jostle_eval::lock_step::Walks;
 use jostle_eval::room::{EvalRoom, FinishedEpisode, RoomPlan};
-use jostle_eval::{EpisodeOutcome, EvalError, Protocol};
+use jostle_eval::{EpisodeOutcome, EvalError, PolicyIdentity, Protocol, Subject};
 use jostle_peds::{Crowd, Motion};
-use jostle_sim::{Laser, Outcome, Scenario, Streams, ZoneBody, clip_action, reward, safety_zone};
+use jostle_sim::{
+    Laser, Outcome, Pose, Scenario, Shape, Streams, ZoneBody, clip_action, reward, safety_zone,
+};
 use rand::Rng as _;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
+use crate::picture::{PEDESTRIAN, Painter, Picture, ROBOT};
 use crate::settings::Settings;
 
 /// What one step gave one room.
@@ -18,17 +24,50 @@ use crate::settings::Settings;
 pub struct RoomStep {
     /// The environment's reward.
     pub reward: f32,
+    /// Distance from the robot's outline to the nearest pedestrian, obstacle or wall after the step, m.
+    pub clearance: f32,
     /// The episode, where it ended.
-    pub end: Option<FinishedEpisode>,
+    pub end: Option<EpisodeEnd>,
+}
+
+/// An episode that ended, with what only these rooms measure.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EpisodeEnd {
+    /// Outcome, steps and the metrics of the test.
+    pub finished: FinishedEpisode,
+    /// The least clearance of the episode, its start included, m.
+    pub min_clearance: f32,
+}
+
+/// What rooms have to be told to go on where others were: what they are, and what each has done since its episode began.
+/// They are deterministic, so that this is all of their state.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Snapshot {
+    /// Hash of everything that an episode depends on but seed and index: settings, crowd, the pedestrians' policies.
+    settings: String,
+    rooms: Vec<RoomSnapshot>,
+}
+
+/// A room's part of a [`Snapshot`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RoomSnapshot {
+    seed: u64,
+    episode: u64,
+    actions: Vec<[f32; 2]>,
 }
 
 /// The episodes of one room.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Course {
     /// Root seed of this and the next episodes.
     seed: u64,
     goal_distance: f32,
+    min_clearance: f32,
     ended: bool,
+    /// All actions of this episode.
+    actions: Vec<[f32; 2]>,
 }
 
 /// R rooms with one robot each.
@@ -37,7 +76,8 @@ struct Course {
 ///
 /// Actions `[R]` of (v, ω).
 pub struct CrowdRooms {
-    plan: RoomPlan,
+    protocol: Arc<Protocol>,
+    plan: Arc<RoomPlan>,
     crowd: Box<dyn Crowd>,
     laser: Laser,
     walks: Walks,
@@ -73,7 +113,75 @@ impl CrowdRooms {
             .map(|seed| EvalRoom::seeded(&plan, &laser, seed, 0))
             .collect::<Result<Vec<_>, _>>()?;
         let courses = seeds.zip(&rooms).map(|(seed, room)| Course::new(seed, room)).collect();
-        Ok(Self { plan, crowd, laser, walks: Walks::default(), rooms, courses })
+        let (protocol, plan) = (Arc::new(protocol), Arc::new(plan));
+        Ok(Self { protocol, plan, crowd, laser, walks: Walks::default(), rooms, courses })
+    }
+
+    /// The same rooms once more, each where it stands.
+    ///
+    /// # Errors
+    ///
+    /// As the crowd was made without one, none are known.
+    pub fn try_clone(&self) -> Result<Self, EvalError> {
+        Ok(Self {
+            protocol: Arc::clone(&self.protocol),
+            plan: Arc::clone(&self.plan),
+            crowd: self.protocol.crowd(&self.plan)?,
+            laser: self.laser.sibling(),
+            walks: Walks::default(),
+            rooms: self.rooms.clone(),
+            courses: self.courses.clone(),
+        })
+    }
+
+    /// What other rooms of the same settings need to go on as these do.
+    pub fn snapshot(&self) -> Snapshot {
+        let room = |(room, course): (&EvalRoom, &Course)| RoomSnapshot {
+            seed: course.seed,
+            episode: room.episode(),
+            actions: course.actions.clone(),
+        };
+        Snapshot {
+            settings: self.settings(),
+            rooms: self.rooms.iter().zip(&self.courses).map(room).collect(),
+        }
+    }
+
+    /// Goes to where other rooms were when their snapshot was taken, by driving through their present episodes again.
+    ///
+    /// # Errors
+    ///
+    /// A snapshot of another number of rooms, of other settings or other policies; nothing is changed then.
+    pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), EvalError> {
+        let refuse =
+            |found: String, expected: String| Err(EvalError::Setting { field: "snapshot", found, expected });
+        let (n, expected) = (snapshot.rooms.len(), self.rooms.len());
+        if n != expected {
+            return refuse(format!("{n} rooms"), expected.to_string());
+        }
+        if snapshot.settings != self.settings() {
+            let expected = "those of these rooms: a file that they were made from has changed".to_owned();
+            return refuse("other settings, map or policies".to_owned(), expected);
+        }
+        let (mut rooms, mut courses) = (Vec::with_capacity(n), Vec::with_capacity(n));
+        for saved in &snapshot.rooms {
+            let mut room = [EvalRoom::seeded(&self.plan, &self.laser, saved.seed, saved.episode)?];
+            let mut course = Course::new(saved.seed, &room[0]);
+            for action in &saved.actions {
+                self.walks.decide(&self.plan, &mut *self.crowd, &room)?;
+                course.step(&self.plan, &mut room[0], *action, self.walks.of(0))?;
+            }
+            rooms.extend(room);
+            courses.push(course);
+        }
+        (self.rooms, self.courses) = (rooms, courses);
+        Ok(())
+    }
+
+    /// Hash of everything that an episode depends on but its seed and its index.
+    fn settings(&self) -> String {
+        let identity = PolicyIdentity::custom("", "");
+        self.protocol.key(Subject { identity: &identity, token: 0 }, self.plan.crowd).hash()
     }
 
     /// Starts an episode of a root seed in room `i`; the next ones follow it.
@@ -148,6 +256,20 @@ impl CrowdRooms {
         &self.plan
     }
 
+    /// Room `i` from above, if there is one.
+    pub fn picture(&self, i: usize) -> Option<Picture> {
+        let (room, sim) = (self.rooms.get(i)?, &self.plan.config.sim);
+        let body = Shape::Box { length: sim.robot.length, width: sim.robot.width };
+        let pose = |p: &jostle_peds::Pedestrian| Pose { position: p.position, heading: p.heading };
+        let (mut painter, robot) = (Painter::new(&self.plan.scenario), room.robot());
+        painter.goal(robot.goal, sim.episode.goal_radius, ROBOT);
+        for pedestrian in room.pedestrians() {
+            painter.body(&body, pose(pedestrian), PEDESTRIAN);
+        }
+        painter.body(&body, pose(&robot), ROBOT);
+        Some(painter.finish())
+    }
+
     /// The least and the largest observation row.
     pub fn bounds(&self) -> [Vec<f32>; 2] {
         bounds(&self.plan.config.sim, &self.plan.scenario)
@@ -166,7 +288,8 @@ pub fn bounds(sim: &jostle_sim::SimConfig, scenario: &Scenario) -> [Vec<f32>; 2]
 
 impl Course {
     fn new(seed: u64, room: &EvalRoom) -> Self {
-        Self { seed, goal_distance: goal_distance(room), ended: false }
+        let (goal_distance, min_clearance) = (goal_distance(room), room.robot_clearance());
+        Self { seed, goal_distance, min_clearance, ended: false, actions: Vec::new() }
     }
 
     fn step(
@@ -177,6 +300,9 @@ impl Course {
         walks: &[Motion],
     ) -> Result<RoomStep, EvalError> {
         let end = room.step(plan, action, walks)?;
+        self.actions.push(action);
+        let clearance = room.robot_clearance();
+        self.min_clearance = self.min_clearance.min(clearance);
         let before = std::mem::replace(&mut self.goal_distance, goal_distance(room));
         let (sim, progress) = (&plan.config.sim, before - self.goal_distance);
         let outcome = end.as_ref().and_then(|end| match end.outcome {
@@ -202,7 +328,8 @@ impl Course {
             room.observe_end(plan);
             self.ended = true;
         }
-        Ok(RoomStep { reward: worth, end })
+        let end = end.map(|finished| EpisodeEnd { finished, min_clearance: self.min_clearance });
+        Ok(RoomStep { reward: worth, clearance, end })
     }
 }
 

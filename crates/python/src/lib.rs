@@ -1,7 +1,8 @@
 //! What `pip install .` puts under the Python package `jostle`: rooms to train in and to be tested in.
 //!
 //! Reading order: [`settings`] (what a Python caller may set), [`crowd_rooms`] (a robot among a crowd, many rooms at once),
-//! [`robot_rooms`] (several robots in one room), [`threads`] (a process that was forked); with the feature `extension`,
+//! [`robot_rooms`] (several robots in one room), [`picture`] (either from above), [`finite`] (the gate before a policy),
+//! [`threads`] (a process that was forked); with the feature `extension`,
 //! `extension` (the classes that Python sees). The Python side is in `python/jostle`.
 //!
 //! Architecture invariants: what these rooms do is decided in `jostle-sim`, `jostle-peds` and `jostle-eval` alone; arrays
@@ -13,6 +14,8 @@
 pub mod crowd_rooms;
 #[cfg(feature = "extension")]
 mod extension;
+pub mod finite;
+pub mod picture;
 pub mod robot_rooms;
 pub mod settings;
 pub mod threads;

@@ -3,14 +3,34 @@
 //! The room is that of training (`jostle_sim::Rooms`), but for one thing: a robot whose episode has ended is not placed anew.
 //! It leaves the room with its body, and the others go on until the last has left.
 
-use jostle_sim::{Rooms, Scenario, SimConfig, SimError, Streams, Transition};
+use jostle_sim::{Rooms, Scenario, Shape, SimConfig, SimError, Streams, Transition, Whereabouts};
+use serde::{Deserialize, Serialize};
 
 use crate::crowd_rooms::bounds;
+use crate::picture::{Painter, Picture, ROBOTS};
 
 /// A room of N robots.
+#[derive(Clone)]
 pub struct RobotRoom {
     rooms: Rooms,
+    scenario: Scenario,
     present: Vec<bool>,
+    min_clearance: Vec<f32>,
+    seed: u64,
+    n_behaviours: u32,
+    /// What was executed since the episodes began.
+    actions: Vec<Vec<[f32; 2]>>,
+}
+
+/// What a room has to be told to go on where another was: it is deterministic, so that this is all of its state.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Snapshot {
+    settings: String,
+    seed: u64,
+    n_agents: usize,
+    n_behaviours: u32,
+    actions: Vec<Vec<[f32; 2]>>,
 }
 
 impl RobotRoom {
@@ -21,7 +41,69 @@ impl RobotRoom {
     /// As [`Rooms::new`].
     pub fn new(config: &SimConfig, n_agents: usize, n_behaviours: u32, seed: u64) -> Result<Self, SimError> {
         let rooms = Rooms::new(config, 1, n_agents, n_behaviours, &Streams::new(seed))?;
-        Ok(Self { present: vec![true; n_agents], rooms })
+        let (scenario, actions) = (Scenario::new(&config.room)?, Vec::new());
+        let min_clearance = (0..n_agents).map(|agent| rooms.whereabouts(agent).clearance).collect();
+        Ok(Self {
+            present: vec![true; n_agents],
+            min_clearance,
+            rooms,
+            scenario,
+            seed,
+            n_behaviours,
+            actions,
+        })
+    }
+
+    /// What another room needs to go on as this one does. `settings` tells its configuration from others.
+    pub fn snapshot(&self, settings: String) -> Snapshot {
+        let (seed, n_agents, n_behaviours) = (self.seed, self.present.len(), self.n_behaviours);
+        Snapshot { settings, seed, n_agents, n_behaviours, actions: self.actions.clone() }
+    }
+
+    /// The room where another was when its snapshot was taken, by driving through its episodes again.
+    ///
+    /// # Errors
+    ///
+    /// A snapshot of other settings, numbers of robots or of behaviours.
+    pub fn from_snapshot(
+        config: &SimConfig,
+        (n_agents, n_behaviours): (usize, u32),
+        settings: &str,
+        snapshot: &Snapshot,
+    ) -> Result<Self, SimError> {
+        let found = (&*snapshot.settings, snapshot.n_agents, snapshot.n_behaviours);
+        if found != (settings, n_agents, n_behaviours) {
+            return Err(SimError::Field {
+                field: "snapshot".to_owned(),
+                found: "other settings or another number of robots or behaviours".to_owned(),
+                expected: "those of this room: a file that it was made from has changed".to_owned(),
+            });
+        }
+        let mut room = Self::new(config, n_agents, n_behaviours, snapshot.seed)?;
+        for actions in &snapshot.actions {
+            room.step(actions)?;
+        }
+        Ok(room)
+    }
+
+    /// Walls and obstacles.
+    pub fn scenario(&self) -> &Scenario {
+        &self.scenario
+    }
+
+    /// The configuration.
+    pub fn config(&self) -> &SimConfig {
+        self.rooms.config()
+    }
+
+    /// Where a robot stands, or stood when its episode ended in the last step.
+    pub fn whereabouts(&self, agent: usize) -> Whereabouts {
+        self.rooms.whereabouts(agent)
+    }
+
+    /// The least clearance of a robot's episode until now, m.
+    pub fn min_clearance(&self, agent: usize) -> f32 {
+        self.min_clearance[agent]
     }
 
     /// Behaviour token of each robot.
@@ -66,6 +148,10 @@ impl RobotRoom {
             executed[agent] = *action;
         }
         self.rooms.step(&executed);
+        for agent in (0..n).filter(|agent| self.present[*agent]) {
+            self.min_clearance[agent] = self.min_clearance[agent].min(self.whereabouts(agent).clearance);
+        }
+        self.actions.push(executed);
         for agent in 0..n {
             if !self.rooms.transitions()[agent].end.is_running() {
                 self.present[agent] = false;
@@ -75,13 +161,23 @@ impl RobotRoom {
         Ok(self.rooms.transitions())
     }
 
+    /// The room from above: each robot that is there with its goal, in a colour of its own.
+    pub fn picture(&self) -> Picture {
+        let (mut painter, sim) = (Painter::new(&self.scenario), self.config());
+        let body = Shape::Box { length: sim.robot.length, width: sim.robot.width };
+        let there = || (0..self.present.len()).filter(|agent| self.present[*agent]);
+        for agent in there() {
+            let at = self.whereabouts(agent);
+            painter.goal(at.goal, sim.episode.goal_radius, ROBOTS[agent % ROBOTS.len()]);
+        }
+        for agent in there() {
+            painter.body(&body, self.whereabouts(agent).pose, ROBOTS[agent % ROBOTS.len()]);
+        }
+        painter.finish()
+    }
+
     /// The least and the largest observation row.
-    ///
-    /// # Errors
-    ///
-    /// When the map file can no longer be read.
-    pub fn bounds(&self) -> Result<[Vec<f32>; 2], SimError> {
-        let config = self.rooms.config();
-        Ok(bounds(config, &Scenario::new(&config.room)?))
+    pub fn bounds(&self) -> [Vec<f32>; 2] {
+        bounds(self.rooms.config(), &self.scenario)
     }
 }

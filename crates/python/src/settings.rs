@@ -1,8 +1,8 @@
 //! What a Python caller may set: a training file, keys of it, the crowd, the number of pedestrians, who sees the robot.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use jostle_eval::{EvalConfig, EvalError, LoadedPolicy, Pools};
+use jostle_eval::{EvalConfig, EvalError, Pools};
 use jostle_peds::CrowdKind;
 use jostle_ppo::{Config, PpoError};
 
@@ -21,21 +21,19 @@ impl Settings {
     /// Settings for a crowd.
     ///
     /// `base` is the training configuration, of which the simulator and the number of agents are taken;
-    /// `n_pedestrians` and `robot_visible` override its number and the crowd's row of the visibility matrix. `pool` holds the
-    /// files of the policies that drive the pedestrians (half-trained ones for SO).
+    /// `n_pedestrians` and `robot_visible` override its number and the crowd's row of the visibility matrix. `pools` drive
+    /// the pedestrians.
     ///
     /// # Errors
     ///
-    /// A policy that cannot be read, a setting out of range.
+    /// A setting out of range.
     pub fn new(
         base: &Config,
         crowd: CrowdKind,
         n_pedestrians: Option<usize>,
         robot_visible: Option<bool>,
-        pool: &[PathBuf],
+        pools: Pools,
     ) -> Result<Self, EvalError> {
-        let loaded: Vec<LoadedPolicy> =
-            pool.iter().map(|path| LoadedPolicy::load(path)).collect::<Result<_, _>>()?;
         let mut config =
             EvalConfig { sim: base.sim.clone(), n_agents: base.n_agents, ..EvalConfig::default() };
         if let Some(n_pedestrians) = n_pedestrians {
@@ -50,7 +48,7 @@ impl Settings {
             config.crowds.visibility.row_mut(crowd).ok_or_else(refused)?.robot = robot;
         }
         config.validate()?;
-        Ok(Self { config, crowd, pools: Pools { full: loaded.clone(), half: loaded } })
+        Ok(Self { config, crowd, pools })
     }
 }
 
@@ -74,7 +72,7 @@ mod tests {
 
     fn sf(n_pedestrians: Option<usize>, robot_visible: Option<bool>) -> Settings {
         let base = base(None, &["n_agents=4".to_owned()]).unwrap();
-        Settings::new(&base, CrowdKind::Sf, n_pedestrians, robot_visible, &[]).unwrap()
+        Settings::new(&base, CrowdKind::Sf, n_pedestrians, robot_visible, Pools::default()).unwrap()
     }
 
     #[test]
@@ -85,7 +83,7 @@ mod tests {
         for crowd in CrowdKind::PAPER {
             let base = base(None, &[]).unwrap();
             for robot in [false, true] {
-                let settings = Settings::new(&base, crowd, None, Some(robot), &[]).unwrap();
+                let settings = Settings::new(&base, crowd, None, Some(robot), Pools::default()).unwrap();
                 assert_eq!(
                     settings.config.crowds.visibility.of(crowd),
                     Some(Visibility { pedestrians: true, robot })
@@ -99,9 +97,13 @@ mod tests {
         let error = base(None, &["sim.laser.beam=3".to_owned()]).unwrap_err().to_string();
         assert_eq!(error, "--set sim.laser.beam=3: sim.laser.beam: found an unknown key, expected beams");
         let base = base(None, &[]).unwrap();
-        let error = Settings::new(&base, CrowdKind::Sf, Some(usize::MAX), None, &[]).unwrap_err().to_string();
+        let error = Settings::new(&base, CrowdKind::Sf, Some(usize::MAX), None, Pools::default())
+            .unwrap_err()
+            .to_string();
         assert!(error.starts_with("n_agents: found") && error.lines().count() == 1, "{error}");
-        let error = Settings::new(&base, CrowdKind::Straight, None, Some(true), &[]).unwrap_err().to_string();
+        let error = Settings::new(&base, CrowdKind::Straight, None, Some(true), Pools::default())
+            .unwrap_err()
+            .to_string();
         let expected = "found true for crowd straight, expected nothing: its pedestrians see nobody";
         assert_eq!(error, format!("robot_visible: {expected}"));
     }

@@ -2,7 +2,7 @@
 
 use jostle_eval::lock_step::run_episodes;
 use jostle_eval::room::RoomPlan;
-use jostle_eval::{EpisodeOutcome, PerRow, Protocol};
+use jostle_eval::{EpisodeOutcome, PerRow, Pools, Protocol};
 use jostle_peds::CrowdKind;
 use jostle_python::crowd_rooms::training_seed;
 use jostle_python::{CrowdRooms, RobotRoom, Settings, settings};
@@ -12,7 +12,7 @@ const WIDTH: usize = 1540;
 
 fn rooms(crowd: CrowdKind, n_rooms: usize) -> CrowdRooms {
     let base = settings::base(None, &[]).unwrap();
-    CrowdRooms::new(Settings::new(&base, crowd, None, None, &[]).unwrap(), n_rooms).unwrap()
+    CrowdRooms::new(Settings::new(&base, crowd, None, None, Pools::default()).unwrap(), n_rooms).unwrap()
 }
 
 /// Turns to the goal and drives on.
@@ -25,7 +25,7 @@ fn seek(row: &[f32]) -> [f32; 2] {
 fn an_episode_of_the_test_ends_here_as_there() {
     for crowd in [CrowdKind::Vo, CrowdKind::Sf] {
         let base = settings::base(None, &[]).unwrap();
-        let settings = Settings::new(&base, crowd, None, None, &[]).unwrap();
+        let settings = Settings::new(&base, crowd, None, None, Pools::default()).unwrap();
         let protocol = Protocol::new(settings.config.clone(), settings.pools.clone()).unwrap();
         let plan = RoomPlan::new(protocol.config(), crowd).unwrap();
         let mut expected = Vec::new();
@@ -43,7 +43,7 @@ fn an_episode_of_the_test_ends_here_as_there() {
             let end = loop {
                 let action = seek(&row);
                 if let Some(end) = rooms.step(&[action]).unwrap()[0].end {
-                    break end;
+                    break end.finished;
                 }
                 row.copy_from_slice(rooms.rooms()[0].robot_observation());
             };
@@ -64,7 +64,7 @@ fn rewards_are_the_equations() {
             let step = rooms.step(&[[v, w]]).unwrap()[0];
             row.copy_from_slice(rooms.rooms()[0].robot_observation());
             let after = row[1536].hypot(row[1537]);
-            let main = match step.end.map(|end| end.outcome) {
+            let main = match step.end.map(|end| end.finished.outcome) {
                 Some(EpisodeOutcome::Success) => 15.0,
                 Some(EpisodeOutcome::CollisionWall | EpisodeOutcome::CollisionPedestrian) => -15.0,
                 Some(EpisodeOutcome::Timeout) | None => 2.5 * (before - after),
@@ -73,8 +73,8 @@ fn rewards_are_the_equations() {
             assert!((step.reward - (main - turning)).abs() < 1e-4, "{step:?}");
             if let Some(end) = step.end {
                 // The last observation is of the state that ended the episode.
-                assert_eq!(end.outcome == EpisodeOutcome::Success, after < 0.5);
-                ends.push(end.outcome);
+                assert_eq!(end.finished.outcome == EpisodeOutcome::Success, after < 0.5);
+                ends.push(end.finished.outcome);
                 break;
             }
         }
@@ -147,4 +147,86 @@ fn robots_live_in_the_room_of_training_until_one_leaves() {
         }
     }
     assert!(one_has_left);
+}
+
+#[test]
+fn clones_and_snapshots_go_on_bit_for_bit() {
+    for crowd in [CrowdKind::Vo, CrowdKind::Sf, CrowdKind::StopAndGo] {
+        let mut original = rooms(crowd, 2);
+        let mut others: Vec<CrowdRooms> = Vec::new();
+        let mut n_ended = 0;
+        for step in 0..150 {
+            if step % 50 == 10 {
+                let mut restored = rooms(crowd, 2);
+                restored.step(&[[0.5, -0.5]; 2]).unwrap();
+                let text = serde_json::to_string(&original.snapshot()).unwrap();
+                restored.restore(&serde_json::from_str(&text).unwrap()).unwrap();
+                others = vec![original.try_clone().unwrap(), restored];
+            }
+            let actions: Vec<[f32; 2]> =
+                original.rooms().iter().map(|room| seek(room.robot_observation())).collect();
+            let steps = original.step(&actions).unwrap();
+            for other in &mut others {
+                assert_eq!(other.step(&actions).unwrap(), steps);
+                for (room, expected) in other.rooms().iter().zip(original.rooms()) {
+                    assert_eq!(room.robot_observation(), expected.robot_observation());
+                    assert_eq!(room.pedestrians(), expected.pedestrians());
+                    assert_eq!(room.episode(), expected.episode());
+                }
+            }
+            for i in (0..2).filter(|i| steps[*i].end.is_some()) {
+                n_ended += 1;
+                original.begin_next(i).unwrap();
+                others.iter_mut().for_each(|other| other.begin_next(i).unwrap());
+            }
+        }
+        assert!(n_ended > 0, "{crowd}");
+    }
+}
+
+#[test]
+fn a_snapshot_of_other_rooms_is_refused_and_changes_nothing() {
+    let mut other = rooms(CrowdKind::Sf, 1);
+    other.step(&[[1.0, 0.0]]).unwrap();
+    for (mut room, part) in
+        [(rooms(CrowdKind::Vo, 1), "found other settings"), (rooms(CrowdKind::Sf, 2), "found 1 rooms")]
+    {
+        let before = room.snapshot();
+        let message = room.restore(&other.snapshot()).unwrap_err().to_string();
+        assert!(message.starts_with("snapshot: ") && message.contains(part), "{message}");
+        assert_eq!(room.snapshot(), before);
+    }
+}
+
+#[test]
+fn robots_go_on_from_clones_and_snapshots_bit_for_bit() {
+    let sim = settings::base(None, &[]).unwrap().sim;
+    let mut original = RobotRoom::new(&sim, 4, 3, 9).unwrap();
+    let mut others: Vec<RobotRoom> = Vec::new();
+    let mut step = 0;
+    while original.present().contains(&true) {
+        if step % 40 == 15 {
+            let snapshot = original.snapshot("these".to_owned());
+            let restored = RobotRoom::from_snapshot(&sim, (4, 3), "these", &snapshot).unwrap();
+            others = vec![original.clone(), restored];
+        }
+        let actions: Vec<[f32; 2]> = (0..4).map(|agent| seek(original.observation(agent))).collect();
+        let there = original.present().to_vec();
+        let transitions = original.step(&actions).unwrap().to_vec();
+        for other in &mut others {
+            assert_eq!(other.step(&actions).unwrap(), transitions);
+            for agent in (0..4).filter(|agent| there[*agent]) {
+                assert_eq!(other.observation(agent), original.observation(agent));
+                assert_eq!(other.whereabouts(agent), original.whereabouts(agent));
+                assert_eq!(other.min_clearance(agent), original.min_clearance(agent));
+            }
+        }
+        step += 1;
+    }
+    assert!(step > 55, "{step}");
+    let snapshot = original.snapshot("these".to_owned());
+    for (numbers, settings) in [((4, 2), "these"), ((5, 3), "these"), ((4, 3), "those")] {
+        let refused = RobotRoom::from_snapshot(&sim, numbers, settings, &snapshot).err().unwrap().to_string();
+        assert!(refused.starts_with("snapshot: found other settings"), "{refused}");
+    }
 }

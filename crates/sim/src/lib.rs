@@ -46,6 +46,7 @@ pub use motion::{Motion, apply_limits, clip_action};
 pub use observation::Observer;
 pub use reward::{ZoneBody, outcome, reward, safety_zone};
 pub use rng::{StreamRng, Streams};
+pub use room::Whereabouts;
 pub use rooms::{Rooms, RoomsMut, Transition};
 pub use scenario::Scenario;
 pub use spawn::Spawner;

@@ -37,6 +37,7 @@ pub(crate) struct Episode {
 }
 
 /// One robot's random streams and observer.
+#[derive(Clone)]
 pub(crate) struct Agent {
     pub(crate) observer: Observer,
     pub(crate) spawn: StreamRng,
@@ -53,6 +54,18 @@ pub(crate) struct RoomBuffers<'a> {
     pub(crate) transitions: &'a mut [Transition],
 }
 
+/// Where a robot stands in its episode: for who looks on, no policy sees it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Whereabouts {
+    /// Its pose.
+    pub pose: Pose,
+    /// Its goal in the world, m.
+    pub goal: Vec2,
+    /// Distance from its outline to the nearest robot, obstacle or wall, m.
+    pub clearance: f32,
+}
+
+#[derive(Clone)]
 pub(crate) struct Room {
     config: Arc<SimConfig>,
     crowd: Arc<TrainingCrowd>,
@@ -69,6 +82,8 @@ pub(crate) struct Room {
     /// Robots that were taken out of the room.
     absent: Vec<bool>,
     ranges: Vec<f32>,
+    /// Where each robot stood when its last episode ended.
+    ends: Vec<Whereabouts>,
 }
 
 impl Room {
@@ -108,6 +123,7 @@ impl Room {
             stops: vec![None; n_agents],
             absent: vec![false; n_agents],
             ranges: vec![0.0; config.laser.beams],
+            ends: vec![Whereabouts::default(); n_agents],
         })
     }
 
@@ -248,6 +264,7 @@ impl Room {
         transition.role = role;
         if !end.is_running() {
             transition.episode = Some(summary(episode, buffers.tokens[agent]));
+            self.ends[agent] = self.whereabouts(agent);
             buffers.finals[agent * width..][..width].copy_from_slice(row);
         }
     }
@@ -304,6 +321,17 @@ impl Room {
         let (episode, observer) = (&self.episodes[agent], &mut self.agents[agent].observer);
         observer.begin(&self.ranges, row);
         observer.write_motion(self.world.pose(agent), episode.goal, episode.velocity, row);
+    }
+
+    /// Where a robot stands now.
+    pub(crate) fn whereabouts(&self, agent: usize) -> Whereabouts {
+        let (pose, goal) = (self.world.pose(agent), self.episodes[agent].goal);
+        Whereabouts { pose, goal, clearance: self.world.body_clearance(agent) }
+    }
+
+    /// Where a robot stood when its last episode ended.
+    pub(crate) fn end(&self, agent: usize) -> Whereabouts {
+        self.ends[agent]
     }
 
     fn zone_body(&self, agent: usize) -> ZoneBody {

@@ -8,7 +8,7 @@ use crate::episode::{EpisodeSummary, StepEnd};
 use crate::error::SimError;
 use crate::laser::Laser;
 use crate::rng::Streams;
-use crate::room::{Room, RoomBuffers};
+use crate::room::{Room, RoomBuffers, Whereabouts};
 use crate::scenario::Scenario;
 use crate::spawn::Spawner;
 use crate::traits::{Role, TrainingCrowd};
@@ -48,6 +48,7 @@ pub struct Transition {
 /// # Ok::<(), jostle_sim::SimError>(())
 /// ```
 #[allow(clippy::struct_field_names, reason = "the rooms of `Rooms`")]
+#[derive(Clone)]
 pub struct Rooms {
     pub(crate) config: Arc<SimConfig>,
     pub(crate) crowd: Arc<TrainingCrowd>,
@@ -202,6 +203,17 @@ impl Rooms {
         );
         let width = self.config.observation_len();
         &self.finals[agent_idx * width..][..width]
+    }
+
+    /// Where an agent stands, or stood when its episode ended in the last step.
+    ///
+    /// # Panics
+    ///
+    /// When there is no such agent.
+    pub fn whereabouts(&self, agent_idx: usize) -> Whereabouts {
+        let (room, agent) = (&self.rooms[agent_idx / self.n_agents], agent_idx % self.n_agents);
+        let running = self.transitions[agent_idx].end.is_running();
+        if running { room.whereabouts(agent) } else { room.end(agent) }
     }
 
     /// Takes an agent out of its room for good, body and all: the others no longer meet or see it, and from now on its

@@ -4,10 +4,11 @@ use crate::geometry::{Pose, Shape};
 use crate::trig::sin_cos;
 use glam::Vec2;
 use rapier2d::math::{Pose as ParryPose, Rotation};
-use rapier2d::parry::query::intersection_test;
+use rapier2d::parry::query::{distance, intersection_test};
 use rapier2d::prelude::{ColliderHandle, RigidBodyHandle, SharedShape};
 
 /// What the laser's closed forms need to know of a shape, in its own frame.
+#[derive(Clone)]
 pub(crate) enum Outline {
     /// A disc.
     Circle(f32),
@@ -18,6 +19,7 @@ pub(crate) enum Outline {
 }
 
 /// A body or an obstacle at its pose, with the sine and cosine of its heading at hand.
+#[derive(Clone)]
 pub(crate) struct Solid {
     pub(crate) shape: Shape,
     pub(crate) outline: Outline,
@@ -87,6 +89,18 @@ impl Solid {
         intersection_test(&self.parry_pose(), &*self.parry, &other.parry_pose(), &*other.parry)
             .expect("parry tests every pair of balls, cuboids, segments and convex polygons")
             .intersecting
+    }
+
+    /// Distance between the outlines of two solids, or `most` if they are farther apart: 0 where they share a point.
+    pub(crate) fn distance(&self, other: &Self, most: f32) -> f32 {
+        let reach = self.circumradius + other.circumradius;
+        if self.pose.position.distance(other.pose.position) - reach >= most {
+            return most;
+        }
+        distance(&self.parry_pose(), &*self.parry, &other.parry_pose(), &*other.parry)
+            .expect("parry measures every pair of balls, cuboids, segments and convex polygons")
+            .distance
+            .min(most)
     }
 }
 

@@ -79,6 +79,8 @@ fn what_is_no_regular_file_is_not_waited_for() {
         let yaml = YAML.replace("m.pgm", "/dev/zero");
         let message = refused("m.yaml", &[("m.yaml", yaml.as_bytes())]);
         assert!(message.contains("/dev/zero: file: found something else"), "{message}");
+    } else {
+        eprintln!("skip: a map without an end: this machine has no /dev/zero");
     }
 }
 

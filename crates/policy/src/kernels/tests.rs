@@ -57,6 +57,10 @@ fn check_rows<const ROW: usize>(
 fn on_all_sets(check: impl Fn(Isa) -> Vec<u32>) {
     let results = Isa::available().into_iter().map(|isa| (isa, check(isa)));
     let fused: Vec<_> = results.filter(|(isa, _)| isa.0 != isa::Level::Plain).collect();
+    if fused.len() < 2 {
+        let names: Vec<&str> = fused.iter().map(|(isa, _)| isa.name()).collect();
+        eprintln!("skip: bits of two sets of instructions are not compared: this processor has {names:?}");
+    }
     for pair in fused.windows(2) {
         assert!(pair[0].1 == pair[1].1, "{} and {} have other bits", pair[0].0.name(), pair[1].0.name());
     }

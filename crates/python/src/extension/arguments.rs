@@ -2,12 +2,16 @@
 
 use std::path::PathBuf;
 
-use jostle_eval::room::FinishedEpisode;
+use glam::Vec2;
+use jostle_eval::metrics::EpisodeMetrics;
+use jostle_sim::Pose;
 use pyo3::buffer::PyBuffer;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyBytes, PyDict};
 
+use crate::crowd_rooms::EpisodeEnd;
+use crate::picture::Picture;
 use crate::settings::{self, Settings};
 use crate::threads;
 
@@ -22,7 +26,7 @@ pub(super) fn check_threads(needs_threads: bool) -> PyResult<()> {
 }
 
 /// What the keywords of the Python side come down to.
-#[derive(FromPyObject)]
+#[derive(Clone, FromPyObject, IntoPyObject)]
 pub(super) struct Keywords {
     #[pyo3(item)]
     config: Option<PathBuf>,
@@ -36,6 +40,8 @@ pub(super) struct Keywords {
     robot_visible: Option<bool>,
     #[pyo3(item)]
     pool: Vec<PathBuf>,
+    #[pyo3(item)]
+    pool_half: Vec<PathBuf>,
 }
 
 impl Keywords {
@@ -52,7 +58,20 @@ impl Keywords {
     /// Settings of rooms that are made from `base`.
     pub(super) fn settings(&self, base: &jostle_ppo::Config) -> PyResult<Settings> {
         let crowd = self.crowd.parse().map_err(value_error)?;
-        Settings::new(base, crowd, self.n_pedestrians, self.robot_visible, &self.pool).map_err(value_error)
+        let pools = jostle_runs::policies::pools(&self.pool, &self.pool_half, &[crowd], "pool_half");
+        let pools = pools.map_err(value_error)?;
+        Settings::new(base, crowd, self.n_pedestrians, self.robot_visible, pools).map_err(value_error)
+    }
+
+    /// The same keywords from any working directory.
+    pub(super) fn absolute(&self) -> PyResult<Self> {
+        let all = |paths: &[PathBuf]| paths.iter().map(absolute).collect::<PyResult<Vec<_>>>();
+        Ok(Self {
+            config: self.config.as_ref().map(absolute).transpose()?,
+            pool: all(&self.pool)?,
+            pool_half: all(&self.pool_half)?,
+            ..self.clone()
+        })
     }
 }
 
@@ -78,19 +97,64 @@ pub(super) fn write_row(array: &Bound<'_, PyAny>, i: usize, row: &[f32]) -> PyRe
     PyBuffer::get(&array.get_item(i)?)?.copy_from_slice(array.py(), row)
 }
 
+/// A path that means the same from any working directory.
+pub(super) fn absolute(path: &PathBuf) -> PyResult<PathBuf> {
+    std::path::absolute(path).map_err(|error| value_error(format!("{}: {error}", path.display())))
+}
+
+/// x, y, heading, goal x, goal y.
+pub(super) fn place(pose: Pose, goal: Vec2) -> [f32; 5] {
+    [pose.position.x, pose.position.y, pose.heading, goal.x, goal.y]
+}
+
+/// Height, width, and the bytes of the pixels.
+pub(super) type Pixels<'py> = (usize, usize, Bound<'py, PyBytes>);
+
+/// A picture for Python.
+pub(super) fn pixels(py: Python<'_>, picture: Picture) -> Pixels<'_> {
+    (picture.height, picture.width, PyBytes::new(py, &picture.rgb))
+}
+
+/// A snapshot as bytes.
+pub(super) fn to_bytes<'py>(py: Python<'py>, snapshot: &impl serde::Serialize) -> Bound<'py, PyBytes> {
+    PyBytes::new(py, &serde_json::to_vec(snapshot).expect("finite numbers and texts are always JSON"))
+}
+
+/// A snapshot from bytes.
+pub(super) fn from_bytes<T: serde::de::DeserializeOwned>(bytes: &[u8]) -> PyResult<T> {
+    serde_json::from_slice(bytes).map_err(|error| value_error(format!("snapshot: {error}")))
+}
+
 /// There is no row i.
 pub(super) fn no_row(i: usize) -> PyErr {
     value_error(format!("found room {i}, expected one of those there are"))
 }
 
 /// What Python is told of an episode that ended.
-pub(super) fn episode_info<'py>(py: Python<'py>, end: &FinishedEpisode) -> PyResult<Bound<'py, PyDict>> {
+pub(super) fn episode_info<'py>(py: Python<'py>, end: &EpisodeEnd) -> PyResult<Bound<'py, PyDict>> {
     let info = PyDict::new(py);
-    info.set_item("outcome", end.outcome.to_string())?;
-    info.set_item("is_success", end.outcome == jostle_eval::EpisodeOutcome::Success)?;
-    info.set_item("episode_index", end.episode)?;
-    info.set_item("steps", end.steps)?;
-    info.set_item("path_length", end.metrics.path_length)?;
-    info.set_item("straight_distance", end.metrics.straight_distance)?;
+    let EpisodeEnd { finished, min_clearance } = end;
+    info.set_item("outcome", finished.outcome.to_string())?;
+    info.set_item("is_success", finished.outcome == jostle_eval::EpisodeOutcome::Success)?;
+    info.set_item("episode_index", finished.episode)?;
+    measures(&info, finished.steps, &finished.metrics, *min_clearance)?;
     Ok(info)
+}
+
+/// The measures of an episode; NaN where only a success has one.
+pub(super) fn measures(
+    info: &Bound<'_, PyDict>,
+    steps: u64,
+    metrics: &EpisodeMetrics,
+    min_clearance: f32,
+) -> PyResult<()> {
+    let or_nan = |value: Option<f64>| value.unwrap_or(f64::NAN);
+    info.set_item("steps", steps)?;
+    info.set_item("time", metrics.time)?;
+    info.set_item("path_length", metrics.path_length)?;
+    info.set_item("straight_distance", metrics.straight_distance)?;
+    info.set_item("extra_time", or_nan(metrics.extra_time))?;
+    info.set_item("extra_distance", or_nan(metrics.extra_distance))?;
+    info.set_item("average_speed", or_nan(metrics.average_speed))?;
+    info.set_item("min_clearance", f64::from(min_clearance))
 }

@@ -5,16 +5,20 @@ use std::sync::{Mutex, PoisonError};
 
 use jostle_eval::{LoadedPolicy, RobotPolicy as _, TrainedRobot};
 use jostle_policy::Backend;
+use jostle_runs::policies;
 use pyo3::buffer::PyBuffer;
 use pyo3::prelude::*;
+use pyo3::types::PyType;
 
-use super::arguments::{check_threads, value_error};
+use super::arguments::{absolute, check_threads, value_error};
+use crate::finite;
 
 /// A policy from a checkpoint, with one behaviour token.
 #[pyclass(name = "Policy", module = "jostle._jostle", frozen)]
 pub(super) struct PyPolicy {
     pub(super) loaded: LoadedPolicy,
     pub(super) token: u32,
+    path: PathBuf,
     robot: Mutex<TrainedRobot>,
 }
 
@@ -22,9 +26,30 @@ pub(super) struct PyPolicy {
 impl PyPolicy {
     #[new]
     fn new(path: PathBuf, token: u32) -> PyResult<Self> {
-        let loaded = LoadedPolicy::load(&path).map_err(value_error)?;
+        let path = policies::checkpoint(&path).map_err(value_error)?;
+        let loaded = policies::load(&path).map_err(value_error)?;
         let robot = TrainedRobot::new(&loaded, token, Backend::default()).map_err(value_error)?;
-        Ok(Self { loaded, token, robot: Mutex::new(robot) })
+        Ok(Self { loaded, token, path: absolute(&path)?, robot: Mutex::new(robot) })
+    }
+
+    /// For `pickle`: where it was read from, and which bytes they were.
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> (Bound<'py, PyType>, (PathBuf, u32), String) {
+        let this = slf.get();
+        (slf.get_type(), (this.path.clone(), this.token), this.sha256().to_owned())
+    }
+
+    /// Refuses a file that is no longer the one that was pickled.
+    fn __setstate__(&self, sha256: &str) -> PyResult<()> {
+        if self.sha256() == sha256 {
+            return Ok(());
+        }
+        let (path, found) = (self.path.display(), self.sha256());
+        Err(value_error(format!("{path}: found SHA-256 {found}, expected {sha256}, as when it was pickled")))
+    }
+
+    /// For `copy.deepcopy`: a policy never changes.
+    fn __deepcopy__(slf: Bound<'_, Self>, _memo: Bound<'_, PyAny>) -> Py<Self> {
+        slf.unbind()
     }
 
     /// What it is called in a report.
@@ -76,8 +101,9 @@ impl PyPolicy {
                 "observations: found shape {found:?}, expected rows of {expected}"
             )));
         }
-        check_threads(found[0] > 1)?;
         let (rows, mut answers) = (observations.to_vec(py)?, vec![[0.0; 2]; found[0]]);
+        finite::check_rows(&rows, expected).map_err(value_error)?;
+        check_threads(found[0] > 1)?;
         py.detach(|| {
             let mut robot = self.robot.lock().unwrap_or_else(PoisonError::into_inner);
             robot.act(&rows, &mut answers);

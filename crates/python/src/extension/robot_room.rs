@@ -3,17 +3,25 @@
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
+use jostle_eval::metrics::EpisodeMetrics;
+use jostle_eval::room::metric_scale;
+use jostle_eval::{EpisodeOutcome, EvalConfig};
 use jostle_sim::{Outcome, StepEnd, Transition};
 use pyo3::buffer::PyBuffer;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyBytes, PyDict, PyType};
 
-use super::arguments::{base, check_threads, pairs, value_error, write_row};
+use super::arguments::{
+    Pixels, absolute, base, check_threads, from_bytes, measures, pairs, pixels, place, to_bytes, value_error,
+    write_row,
+};
 use crate::robot_rooms::RobotRoom;
 
 /// A room of robots whose episodes begin together.
 #[pyclass(name = "RobotRoom", module = "jostle._jostle", frozen)]
 pub(super) struct PyRobotRoom {
+    file: Option<PathBuf>,
+    overrides: Vec<String>,
     config: jostle_ppo::Config,
     n_behaviours: u32,
     room: Mutex<RobotRoom>,
@@ -21,6 +29,10 @@ pub(super) struct PyRobotRoom {
 
 /// Index, reward, terminated, truncated, information.
 type Step<'py> = (usize, f64, bool, bool, Bound<'py, PyDict>);
+/// Where a robot stands: x, y, heading, goal x, goal y, and its clearance.
+type Stands = ([f32; 5], f64);
+/// What the constructor takes.
+type Arguments = (Option<PathBuf>, Vec<String>, Option<usize>, u32);
 
 #[pymethods]
 impl PyRobotRoom {
@@ -31,11 +43,63 @@ impl PyRobotRoom {
         n_agents: Option<usize>,
         n_behaviours: u32,
     ) -> PyResult<Self> {
+        let file = config.as_ref().map(absolute).transpose()?;
         let mut config = base(config, &overrides)?;
         config.n_agents = n_agents.unwrap_or(config.n_agents);
         check_threads(false)?;
         let room = RobotRoom::new(&config.sim, config.n_agents, n_behaviours, 0).map_err(value_error)?;
-        Ok(Self { config, n_behaviours, room: Mutex::new(room) })
+        Ok(Self { file, overrides, config, n_behaviours, room: Mutex::new(room) })
+    }
+
+    /// For `pickle`: arguments and what the robots have done since their episodes began.
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> (Bound<'py, PyType>, Arguments, Bound<'py, PyBytes>) {
+        let this = slf.get();
+        let n_agents = Some(this.config.n_agents);
+        let arguments = (this.file.clone(), this.overrides.clone(), n_agents, this.n_behaviours);
+        let snapshot = this.lock().snapshot(this.config.hash());
+        (slf.get_type(), arguments, to_bytes(slf.py(), &snapshot))
+    }
+
+    /// Goes to where the pickled room was.
+    fn __setstate__(&self, state: &[u8]) -> PyResult<()> {
+        let (snapshot, numbers) = (from_bytes(state)?, (self.config.n_agents, self.n_behaviours));
+        let room = RobotRoom::from_snapshot(&self.config.sim, numbers, &self.config.hash(), &snapshot);
+        *self.lock() = room.map_err(value_error)?;
+        Ok(())
+    }
+
+    /// For `copy.deepcopy`.
+    fn __deepcopy__(&self, _memo: Bound<'_, PyAny>) -> Self {
+        let room = self.lock().clone();
+        Self {
+            file: self.file.clone(),
+            overrides: self.overrides.clone(),
+            config: self.config.clone(),
+            n_behaviours: self.n_behaviours,
+            room: Mutex::new(room),
+        }
+    }
+
+    /// Control period (s).
+    #[getter]
+    fn dt(&self) -> f32 {
+        self.config.sim.episode.dt
+    }
+
+    /// Where every robot stands, or stood when its episode ended in the last step; what is said of one that left before means
+    /// nothing.
+    fn whereabouts(&self) -> Vec<Stands> {
+        let room = self.lock();
+        let stands = |agent| {
+            let at = room.whereabouts(agent);
+            (place(at.pose, at.goal), f64::from(at.clearance))
+        };
+        (0..self.config.n_agents).map(stands).collect()
+    }
+
+    /// The room from above: height, width, pixels.
+    fn picture<'py>(&self, py: Python<'py>) -> Pixels<'py> {
+        pixels(py, self.lock().picture())
     }
 
     /// Length of an observation row.
@@ -63,8 +127,8 @@ impl PyRobotRoom {
     }
 
     /// Least and largest observation row.
-    fn bounds(&self) -> PyResult<[Vec<f32>; 2]> {
-        self.lock().bounds().map_err(value_error)
+    fn bounds(&self) -> [Vec<f32>; 2] {
+        self.lock().bounds()
     }
 
     /// Places all robots by a seed, writes their first observations, and tells their behaviour tokens.
@@ -95,7 +159,7 @@ impl PyRobotRoom {
             write_row(&observations, agent, room.observation(agent))?;
             let terminated = matches!(transition.end, StepEnd::Terminated(_));
             let truncated = transition.end == StepEnd::Truncated;
-            let info = info(py, transition)?;
+            let info = self.info(py, transition, room.min_clearance(agent))?;
             steps.push((agent, f64::from(transition.reward), terminated, truncated, info));
         }
         Ok(steps)
@@ -106,24 +170,32 @@ impl PyRobotRoom {
     fn lock(&self) -> MutexGuard<'_, RobotRoom> {
         self.room.lock().unwrap_or_else(PoisonError::into_inner)
     }
-}
 
-/// What Python is told of a robot's step: nothing until its episode ends.
-fn info<'py>(py: Python<'py>, transition: &Transition) -> PyResult<Bound<'py, PyDict>> {
-    let info = PyDict::new(py);
-    let outcome = match transition.end {
-        StepEnd::Running => return Ok(info),
-        StepEnd::Terminated(Outcome::Success) => "success",
-        StepEnd::Terminated(Outcome::CollisionWall) => "collision_wall",
-        StepEnd::Terminated(Outcome::CollisionAgent) => "collision_agent",
-        StepEnd::Truncated => "timeout",
-    };
-    info.set_item("outcome", outcome)?;
-    info.set_item("is_success", outcome == "success")?;
-    if let Some(episode) = &transition.episode {
-        info.set_item("steps", episode.steps)?;
-        info.set_item("path_length", episode.path_length)?;
-        info.set_item("straight_distance", f64::from(episode.straight_distance))?;
+    /// What Python is told of a robot's step beside where it stands: nothing until its episode ends.
+    fn info<'py>(
+        &self,
+        py: Python<'py>,
+        transition: &Transition,
+        min_clearance: f32,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let info = PyDict::new(py);
+        let (name, outcome) = match transition.end {
+            StepEnd::Running => return Ok(info),
+            StepEnd::Terminated(Outcome::Success) => ("success", EpisodeOutcome::Success),
+            StepEnd::Terminated(Outcome::CollisionWall) => ("collision_wall", EpisodeOutcome::CollisionWall),
+            StepEnd::Terminated(Outcome::CollisionAgent) => {
+                ("collision_agent", EpisodeOutcome::CollisionPedestrian)
+            }
+            StepEnd::Truncated => ("timeout", EpisodeOutcome::Timeout),
+        };
+        info.set_item("outcome", name)?;
+        info.set_item("is_success", outcome == EpisodeOutcome::Success)?;
+        if let Some(episode) = &transition.episode {
+            let scale = metric_scale(&EvalConfig { sim: self.config.sim.clone(), ..EvalConfig::default() });
+            let (steps, straight) = (u64::from(episode.steps), f64::from(episode.straight_distance));
+            let metrics = EpisodeMetrics::from_totals(&scale, outcome, steps, episode.path_length, straight);
+            measures(&info, steps, &metrics, min_clearance)?;
+        }
+        Ok(info)
     }
-    Ok(info)
 }

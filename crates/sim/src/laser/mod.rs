@@ -112,6 +112,13 @@ pub struct Laser {
     codes: Vec<[u32; LANES]>,
 }
 
+/// [`Laser::sibling`]: a scanner remembers nothing from scan to scan.
+impl Clone for Laser {
+    fn clone(&self) -> Self {
+        self.sibling()
+    }
+}
+
 impl Laser {
     /// A scanner of the given kind.
     ///
