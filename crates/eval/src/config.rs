@@ -140,7 +140,7 @@ mod tests {
     #[test]
     fn the_hash_of_the_default_settings_stays() {
         assert_eq!(
-            EvalConfig::default().settings_hash(),
+            EvalConfig::default().settings_hash(None),
             "7764dab4fc3e7892a7a527188225d466e1fd483316fb5cb1e155c87d6b07f94a"
         );
     }
