@@ -16,7 +16,7 @@ use jostle_sim::SimConfig;
 use crate::cells::Cell;
 use crate::run_folder::write_atomically;
 use crate::suite::{self, Asked};
-use crate::{output, policies, threads};
+use crate::{maps, output, policies, threads};
 
 /// Arguments of `evaluate`.
 #[derive(Args)]
@@ -145,6 +145,7 @@ impl EvaluateArgs {
             seed: self.seed,
             ..EvalConfig::default()
         };
+        maps::tell(&config.sim.room)?;
         Ok(Protocol::new(config, policies::pools(&self.pool, &self.pool_half, crowds)?)?)
     }
 }

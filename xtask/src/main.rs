@@ -27,6 +27,7 @@ mod demo;
 mod doctor;
 mod evaluate;
 mod fuzz;
+mod maps;
 mod milestones;
 mod ndjson;
 mod output;

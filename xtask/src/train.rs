@@ -12,10 +12,10 @@ use jostle_ppo::report::EpisodeCounts;
 use jostle_ppo::{Config, Trainer};
 
 use crate::ndjson::{Log, truncate_log};
-use crate::output;
 use crate::progress::{Progress, clock};
 use crate::provenance;
 use crate::run_folder::RunFolder;
+use crate::{maps, output};
 
 /// A run keeps a checkpoint for each of this many equal parts: 31 MB each at the paper's sizes. The half serves crowd SO,
 /// the quarter a row of Table 1.
@@ -64,6 +64,7 @@ pub(crate) struct TrainArgs {
 /// Trains as the arguments say.
 pub(crate) fn run(args: &TrainArgs) -> Result<ExitCode> {
     let mut config = Config::load(&args.config, &args.overrides)?;
+    maps::tell(&config.sim.room)?;
     if let Some(threads) = args.threads {
         config.threads = threads;
     }
@@ -169,7 +170,9 @@ pub(crate) fn train(
     claim(&run, config, folder, resume)?;
     let mut trainer = newest_trainer(&run, config)?;
     // Only now: what cannot be trained leaves no trace in the folder.
-    run.store_config(&toml::to_string(config).context("a configuration that is no TOML")?)?;
+    let mut stored = config.clone();
+    stored.sim.room = stored.sim.room.as_named_in(folder);
+    run.store_config(&toml::to_string(&stored).context("a configuration that is no TOML")?)?;
     let found = updates(&trainer);
     if found > config.updates {
         output::note(&format!(
@@ -245,7 +248,8 @@ fn claim(run: &RunFolder, config: &Config, folder: &Path, resume: bool) -> Resul
     let shown = folder.display();
     if let Some(text) = run.stored_config()? {
         let none: &[&str] = &[];
-        let stored = Config::parse(&text, &format!("{shown}/config.toml"), none)?;
+        let mut stored = Config::parse(&text, &format!("{shown}/config.toml"), none)?;
+        stored.sim.room.stored_in(folder);
         let (found, wanted) = (stored.hash(), config.hash());
         if found != wanted {
             bail!(

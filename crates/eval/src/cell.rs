@@ -8,6 +8,10 @@ use crate::identity::hex_sha256;
 /// To be raised whenever an episode's result may change for the same settings; old records are then not reused.
 pub const PROTOCOL_VERSION: u32 = 1;
 
+/// The same for episodes on a map, whose hashes alone it is part of. 2: crowds know walls as one area
+/// ([`jostle_sim::Scenario::boundary`]), whatever pieces a map has.
+pub const MAP_VERSION: u32 = 2;
+
 /// Everything that episode k of a cell depends on.
 ///
 /// The number of episodes is absent on purpose: episode k does not depend on it, so that a file of 1000 episodes also

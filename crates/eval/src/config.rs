@@ -5,6 +5,7 @@ use jostle_policy::Backend;
 use jostle_sim::SimConfig;
 use serde::{Deserialize, Serialize};
 
+use crate::cell::MAP_VERSION;
 use crate::error::EvalError;
 use crate::identity::hex_sha256;
 use crate::scene::SceneConfig;
@@ -113,9 +114,11 @@ impl EvalConfig {
         Ok(())
     }
 
-    /// SHA-256 of everything that decides a result and has no field of its own in a cell's key.
-    pub fn settings_hash(&self) -> String {
-        let decisive = Self { lock_step: 1, n_agents: 1, seed: 0, ..self.clone() };
+    /// SHA-256 of everything that decides a result and has no field of its own in a cell's key. Of a map that is its content,
+    /// by its hash ([`jostle_sim::maps::sha256`]), and [`MAP_VERSION`]; where it lies is another on each machine.
+    pub fn settings_hash(&self, map_sha256: Option<&str>) -> String {
+        let mut decisive = Self { lock_step: 1, n_agents: 1, seed: 0, ..self.clone() };
+        decisive.sim.room.map = map_sha256.map(|hash| format!("{hash}-{MAP_VERSION}").into());
         hex_sha256(&serde_json::to_vec(&decisive).expect("plain settings are always JSON"))
     }
 }
@@ -129,19 +132,23 @@ mod tests {
         let config = EvalConfig::default();
         assert!(config.validate().is_ok());
         let wide = EvalConfig { lock_step: 7, ..config.clone() };
-        assert_eq!(wide.settings_hash(), config.settings_hash());
+        assert_eq!(wide.settings_hash(None), config.settings_hash(None));
         let mut seen = config.clone();
         seen.crowds.visibility.vo.robot = true;
         let contact = EvalConfig { learned_crash: PedestrianCrash::Contact, ..config.clone() };
-        assert_ne!(seen.settings_hash(), config.settings_hash());
-        assert_ne!(contact.settings_hash(), config.settings_hash());
+        assert_ne!(seen.settings_hash(None), config.settings_hash(None));
+        assert_ne!(contact.settings_hash(None), config.settings_hash(None));
+        assert_ne!(config.settings_hash(Some("a")), config.settings_hash(Some("b")));
+        let mut map = config.clone();
+        map.sim.room.map = Some("m.toml".into());
+        assert_eq!(map.settings_hash(Some("a")), config.settings_hash(Some("a")));
     }
 
     /// The hash that the cells of `results/cells` were stored under.
     #[test]
     fn the_hash_of_the_default_settings_stays() {
         assert_eq!(
-            EvalConfig::default().settings_hash(),
+            EvalConfig::default().settings_hash(None),
             "7764dab4fc3e7892a7a527188225d466e1fd483316fb5cb1e155c87d6b07f94a"
         );
     }

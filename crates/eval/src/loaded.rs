@@ -1,6 +1,6 @@
 //! Policies as they are read from disk, with their identity.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use jostle_policy::{PolicyFile, excerpt};
 use jostle_sim::{SimConfig, TrainingCrowd};
@@ -23,6 +23,8 @@ pub struct LoadedPolicy {
     pub file: PolicyFile,
     /// Name, hash, provenance.
     pub identity: PolicyIdentity,
+    /// The folder of its file, from which a relative map starts.
+    folder: Option<PathBuf>,
 }
 
 impl LoadedPolicy {
@@ -38,6 +40,7 @@ impl LoadedPolicy {
         let mut policy = Self::from_file(file, &name, hex_sha256(&bytes));
         policy.identity.trained_among = policy.training_crowd()?;
         policy.identity.opponents = policy.opponents()?;
+        policy.folder = path.parent().map(Path::to_owned);
         Ok(policy)
     }
 
@@ -55,7 +58,7 @@ impl LoadedPolicy {
             trained_among: Vec::new(),
             opponents: Vec::new(),
         };
-        Self { file, identity }
+        Self { file, identity, folder: None }
     }
 
     /// The shares of its training crowd, where it had one.
@@ -84,7 +87,7 @@ impl LoadedPolicy {
         EvalError::Setting { field, found, expected: expected.to_owned() }
     }
 
-    /// The simulator's settings that the policy was trained with.
+    /// The simulator's settings that the policy was trained with. A map is found from the policy's file.
     ///
     /// # Errors
     ///
@@ -96,7 +99,10 @@ impl LoadedPolicy {
             expected: "JSON of the simulator's settings".to_owned(),
         };
         let text = self.file.metadata.get("sim").ok_or_else(|| refuse("nothing".to_owned()))?;
-        let config: SimConfig = serde_json::from_str(text).map_err(|error| refuse(error.to_string()))?;
+        let mut config: SimConfig = serde_json::from_str(text).map_err(|error| refuse(error.to_string()))?;
+        if let Some(folder) = &self.folder {
+            config.room.stored_in(folder);
+        }
         config.validate()?;
         Ok(config)
     }

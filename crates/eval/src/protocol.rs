@@ -5,6 +5,7 @@
 use std::path::Path;
 
 use jostle_peds::{Crowd, CrowdKind};
+use jostle_sim::maps;
 
 use crate::cell::{CellKey, PROTOCOL_VERSION};
 use crate::config::EvalConfig;
@@ -16,7 +17,6 @@ use crate::records::{EpisodeRecord, RecordWriter, TornTail};
 use crate::report::CellResult;
 use crate::robot::RobotPolicy;
 use crate::room::{FinishedEpisode, RoomPlan, metric_scale};
-use crate::site::polygons;
 
 /// Who is tested, and with which token.
 #[derive(Clone, Copy, Debug)]
@@ -45,6 +45,8 @@ pub struct CellRun {
 pub struct Protocol {
     config: EvalConfig,
     pools: Pools,
+    /// Hash of the map's content, if there is a map.
+    map_sha256: Option<String>,
 }
 
 impl Protocol {
@@ -52,10 +54,11 @@ impl Protocol {
     ///
     /// # Errors
     ///
-    /// The first setting out of its range.
+    /// The first setting out of its range; a map that cannot be read.
     pub fn new(config: EvalConfig, pools: Pools) -> Result<Self, EvalError> {
         config.validate()?;
-        Ok(Self { config, pools })
+        let map_sha256 = config.sim.room.map_file().map(|map| maps::sha256(&map)).transpose()?;
+        Ok(Self { config, pools, map_sha256 })
     }
 
     /// The settings.
@@ -79,7 +82,7 @@ impl Protocol {
             pool: pool.iter().map(|policy| policy.identity.sha256.clone()).collect(),
             n_agents: self.config.n_agents,
             seed: self.config.seed,
-            settings: self.config.settings_hash(),
+            settings: self.config.settings_hash(self.map_sha256.as_deref()),
         }
     }
 
@@ -89,7 +92,7 @@ impl Protocol {
     ///
     /// As [`make_crowd`].
     pub fn crowd(&self, plan: &RoomPlan) -> Result<Box<dyn Crowd>, EvalError> {
-        make_crowd(&self.config, plan.crowd, &self.pools, &polygons(&plan.scenario))
+        make_crowd(&self.config, plan.crowd, &self.pools, &plan.scenario.boundary())
     }
 
     /// The key of a cell with a crowd of one's own: its visibility, its sensing and its version are part of the settings.

@@ -148,6 +148,7 @@ impl SceneConfig {
         Scenario {
             walls: (self.floor.min, self.floor.max),
             obstacles: self.blocks.iter().map(block).collect(),
+            traced: None,
         }
     }
 

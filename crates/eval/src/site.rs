@@ -1,10 +1,7 @@
-//! A room's walls and obstacles as polygons, for crowds that know them.
+//! A room's walls and obstacles as polygons, piece by piece, to be drawn. Crowds are given [`Scenario::boundary`].
 
 use glam::Vec2;
-use jostle_sim::{Scenario, Shape};
-
-/// Corners of the polygon that stands for a disc.
-const DISC_CORNERS: u32 = 16;
+use jostle_sim::{Scenario, outline};
 
 /// The polygons of a scenario: first the walls, clockwise (free space lies within), then every obstacle,
 /// counter-clockwise (solid); a segment has two vertices. A disc becomes the regular polygon of 16 corners around it.
@@ -18,30 +15,9 @@ pub fn polygons(scenario: &Scenario) -> Vec<Vec<Vec2>> {
     std::iter::once(walls).chain(obstacles).collect()
 }
 
-/// A shape's vertices around its own pose, counter-clockwise.
-fn outline(shape: &Shape) -> Vec<Vec2> {
-    match shape {
-        Shape::Circle { radius } => {
-            let step = std::f64::consts::TAU / f64::from(DISC_CORNERS);
-            let reach = f64::from(*radius) / libm::cos(step / 2.0);
-            let corner = |k: u32| {
-                let angle = step * f64::from(k);
-                Vec2::new((reach * libm::cos(angle)) as f32, (reach * libm::sin(angle)) as f32)
-            };
-            (0..DISC_CORNERS).map(corner).collect()
-        }
-        Shape::Box { length, width } => {
-            let half = Vec2::new(*length, *width) / 2.0;
-            [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|s| Vec2::from(s) * half).to_vec()
-        }
-        Shape::Segment { a, b } => vec![*a, *b],
-        Shape::Polygon { vertices } => vertices.clone(),
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use jostle_sim::Pose;
+    use jostle_sim::{Pose, Shape};
 
     use super::*;
 
@@ -59,6 +35,7 @@ mod tests {
                 (Shape::Circle { radius: 1.0 }, Pose::default()),
                 (Shape::Segment { a: Vec2::ZERO, b: Vec2::X }, Pose::default()),
             ],
+            traced: None,
         };
         let polygons = polygons(&scenario);
         assert_eq!(twice_area(&polygons[0]), -200.0);

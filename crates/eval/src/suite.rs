@@ -162,7 +162,7 @@ mod tests {
         let suite = Suite::standard();
         assert_eq!(suite.scenes[0].config(&base).unwrap(), base);
         let corridor = suite.scenes[3].config(&base).unwrap();
-        assert_ne!(corridor.settings_hash(), base.settings_hash());
+        assert_ne!(corridor.settings_hash(None), base.settings_hash(None));
         assert_eq!(corridor.n_agents, 4);
     }
 

@@ -72,6 +72,8 @@ const DIVERSITY_PROBES: usize = 16;
 pub struct Trainer {
     pub(crate) config: Config,
     pub(crate) commit: String,
+    /// SHA-256 of the map's content at the start, if there is a map.
+    pub(crate) map_sha256: Option<String>,
     pub(crate) streams: Streams,
     pub(crate) rooms: Rooms,
     pub(crate) actor: Learner,
@@ -136,6 +138,8 @@ impl Trainer {
     /// [`PpoError::Threads`] when no thread can be started.
     pub fn new(config: Config) -> Result<Self, PpoError> {
         config.validate()?;
+        let map = config.sim.room.map_file();
+        let map_sha256 = map.map(|map| jostle_sim::maps::sha256(&map)).transpose()?;
         let streams = Streams::new(config.seed);
         let network = config.network_config(); // Alg. 1, line 2: M; α, γ, λ, ε stay in `config`
         let init = |name: &str| streams.stream(name, &[]);
@@ -172,6 +176,7 @@ impl Trainer {
             means: Vec::with_capacity(config.agents_total()),
             state_action: Vec::new(),
             commit: "unknown".to_owned(),
+            map_sha256,
             update: 0,
             transitions: 0,
             config,

@@ -10,7 +10,8 @@
 //!
 //! The metadata holds the format, the configuration (TOML, without the keys that do not change the curve), its hash, the
 //! simulator's and the network's part as JSON, seed, commit, counters, with a population the policies that it was read from,
-//! and a checksum over everything. Two runs of the
+//! with a map the hash of its content, and a checksum over everything. A map's relative path starts from the checkpoint's
+//! folder. Two runs of the
 //! same configuration and binary write the same bytes. The trainer's own random streams are named after the update, so
 //! they need no state.
 
@@ -31,6 +32,8 @@ use crate::{Config, PpoError, Trainer};
 const COUNT_MAX: u64 = 1 << 53;
 /// The metadata that names the opponents which came from files.
 const OPPONENTS: &str = "opponents";
+/// Metadata: the hash of the map's content.
+const MAP: &str = "map_sha256";
 
 impl Trainer {
     /// Writes the run to `path`. A file that was there is replaced whole or not at all, and kept as
@@ -41,7 +44,7 @@ impl Trainer {
     /// [`PpoError::Policy`] when the disk refuses or a parameter is not finite, [`PpoError::Io`] when the earlier file
     /// cannot be kept; the earlier file is then still in its place.
     pub fn save(&mut self, path: &Path) -> Result<(), PpoError> {
-        let metadata = self.metadata();
+        let metadata = self.metadata(path.parent().unwrap_or(Path::new("")));
         let rooms = serde_json::to_vec(&self.rooms.state()).expect("the rooms' state is plain numbers");
         let steps: BTreeMap<&str, u64> =
             self.learners().into_iter().map(|learner| (learner.name(), learner.adam.steps())).collect();
@@ -86,7 +89,7 @@ impl Trainer {
     /// As [`Self::resume`], and [`PpoError::Checkpoint`] when the checkpoint belongs to another configuration.
     pub fn resume_with(path: &Path, config: Config) -> Result<Self, PpoError> {
         let file = open(path)?;
-        let (found, expected) = (file.metadata_value("config_hash")?, config.hash());
+        let (found, expected) = (stored_config(&file)?.hash(), config.hash());
         if found != expected {
             let found = format!("the checkpoint of another configuration ({found})");
             return Err(refuse(path, "config_hash", found, expected));
@@ -96,8 +99,9 @@ impl Trainer {
 
     fn restore(config: Config, file: &TensorFile) -> Result<Self, PpoError> {
         let provenance = Provenance::read(file)?;
-        if provenance.config_hash != config.hash() {
-            return Err(refuse(file.path(), "config_hash", provenance.config_hash, config.hash()));
+        let stored = stored_config(file)?;
+        if ![stored.hash(), stored.hash_with_path()].contains(&provenance.config_hash) {
+            return Err(refuse(file.path(), "config_hash", provenance.config_hash, stored.hash()));
         }
         // Before anything of the configuration's sizes is made: a file that claims much must hold as much.
         check_shapes(&config, file)?;
@@ -105,6 +109,12 @@ impl Trainer {
             check_count(file, field, found)?;
         }
         let mut trainer = Self::new(config)?;
+        if let (Some(found), Some(expected)) = (&trainer.map_sha256, file.metadata().get(MAP))
+            && found != expected
+        {
+            let found = format!("another content in {} ({found})", shown_map(&trainer.config));
+            return Err(refuse(file.path(), MAP, found, format!("the map of the run ({expected})")));
+        }
         let steps: BTreeMap<String, u64> = json(file, "state.adam_steps")?;
         for learner in trainer.learners() {
             learner.restore(file, &steps)?;
@@ -117,17 +127,20 @@ impl Trainer {
         Ok(trainer)
     }
 
-    fn metadata(&self) -> BTreeMap<String, String> {
-        let network = network_json(&self.config.network_config());
-        let sim =
-            serde_json::to_string(&self.config.sim).expect("the simulator's configuration is plain data");
+    /// The metadata of a file in `folder`.
+    fn metadata(&self, folder: &Path) -> BTreeMap<String, String> {
+        let mut config = self.config.clone();
+        config.sim.room = config.sim.room.as_named_in(folder);
+        let network = network_json(&config.network_config());
+        let sim = serde_json::to_string(&config.sim).expect("the simulator's configuration is plain data");
         let fields = [
             ("format", CHECKPOINT_FORMAT.to_owned()),
-            ("config", self.config.canonical_toml()),
+            ("config", config.canonical_toml()),
             ("sim", sim),
             ("network", network),
         ];
-        let mut metadata = fields.map(|(key, value)| (key.to_owned(), value)).into();
+        let mut metadata: BTreeMap<_, _> = fields.map(|(key, value)| (key.to_owned(), value)).into();
+        metadata.extend(self.map_sha256.clone().map(|hash| (MAP.to_owned(), hash)));
         self.provenance().write(&mut metadata);
         metadata.extend(self.opponents_json().map(|json| (OPPONENTS.to_owned(), json)));
         metadata
@@ -221,7 +234,13 @@ fn open(path: &Path) -> Result<TensorFile, PpoError> {
 
 fn stored_config(file: &TensorFile) -> Result<Config, PpoError> {
     let label = format!("{} (metadata config)", file.path().display());
-    Config::parse(file.metadata_value("config")?, &label, &[] as &[&str])
+    let mut config = Config::parse(file.metadata_value("config")?, &label, &[] as &[&str])?;
+    config.sim.room.stored_in(file.path().parent().unwrap_or(Path::new("")));
+    Ok(config)
+}
+
+fn shown_map(config: &Config) -> String {
+    config.sim.room.map_file().map_or_else(String::new, |map| map.display().to_string())
 }
 
 fn json<T: serde::de::DeserializeOwned>(file: &TensorFile, name: &str) -> Result<T, PpoError> {

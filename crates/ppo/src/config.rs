@@ -299,8 +299,19 @@ impl Config {
         }
     }
 
-    /// SHA-256 of [`Self::canonical_toml`] in hexadecimal: two runs of the same hash have the same curve.
+    /// SHA-256 of [`Self::canonical_toml`] in hexadecimal: two runs of the same hash have the same curve. Of a map's path
+    /// only the file's name counts, since the folder is another on each machine; what is in the file is known by
+    /// [`jostle_sim::maps::sha256`], which a checkpoint holds beside this hash.
     pub fn hash(&self) -> String {
+        let mut named = self.clone();
+        if let Some(map) = &mut named.sim.room.map {
+            *map = map.file_name().map_or_else(|| map.clone(), Into::into);
+        }
+        named.hash_with_path()
+    }
+
+    /// As [`Self::hash`], with the map's path as it is written: the hash of earlier versions.
+    pub(crate) fn hash_with_path(&self) -> String {
         jostle_policy::hex(&Sha256::digest(self.canonical_toml().as_bytes()))
     }
 }
@@ -350,6 +361,14 @@ mod tests {
             let read = Config::parse("", "empty", &[format!("alpha_weighs={}", weighs.name())]).unwrap();
             assert_eq!(read.alpha_weighs, weighs);
         }
+    }
+
+    #[test]
+    fn of_a_map_only_the_name_is_part_of_the_hash() {
+        let with = |map: &str| Config::parse("", "a", &[format!("sim.room.map=\"{map}\"")]).unwrap().hash();
+        assert_eq!(with("maps/office.toml"), with("/somewhere/else/office.toml"));
+        assert_ne!(with("office.toml"), with("hall.toml"));
+        assert_ne!(with("office.toml"), Config::default().hash());
     }
 
     #[test]

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
 pub(crate) mod check;
+mod located;
 
 /// Frames in an observation.
 pub const FRAMES: usize = 3;
@@ -62,14 +63,18 @@ pub struct RoomConfig {
     pub width: f32,
     /// Extent along y, m. Unused when a map is given.
     pub height: f32,
-    /// A polygon map (`.toml`, `.json`) or a ROS `map.yaml` that replaces the rectangle.
+    /// A polygon map (`.toml`, `.json`) or a ROS `map.yaml` that replaces the rectangle. A relative path starts from the folder
+    /// of the file that names it; one given by a command or a program, from the working directory.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub map: Option<PathBuf>,
+    // The folder that a relative `map` starts from; `None` for the working directory.
+    #[serde(skip)]
+    folder: Option<PathBuf>,
 }
 
 impl Default for RoomConfig {
     fn default() -> Self {
-        Self { width: 20.0, height: 20.0, map: None }
+        Self { width: 20.0, height: 20.0, map: None, folder: None }
     }
 }
 

@@ -55,7 +55,7 @@ impl SimError {
 }
 
 /// Text of a file as a part of a message: without control characters, at most [`FOUND_MAX`] characters.
-fn one_line(text: &str) -> String {
+pub(crate) fn one_line(text: &str) -> String {
     let clean = |c: char| if c.is_control() { ' ' } else { c };
     let mut line: String = text.chars().take(FOUND_MAX).map(clean).collect();
     if text.chars().nth(FOUND_MAX).is_some() {

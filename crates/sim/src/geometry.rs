@@ -68,8 +68,11 @@ pub enum Shape {
     },
 }
 
-/// Largest coordinate a shape may have, m: beyond it f32 no longer resolves a millimetre.
+/// Largest coordinate a shape may have in its own frame, m: beyond it f32 no longer resolves a millimetre.
 const EXTENT_MAX: f32 = 10_000.0;
+/// Least extent of a shape and least length of an edge, m. What is thinner has no direction in f32, and the geometry
+/// library makes no shape of it.
+const EXTENT_MIN: f32 = 1e-3;
 
 impl Shape {
     /// A square body of the given side.
@@ -81,27 +84,25 @@ impl Shape {
     ///
     /// # Errors
     ///
-    /// Names `field` when an extent is not positive and finite, a segment has no length, or a polygon is not
-    /// convex, not counter-clockwise or has fewer than three vertices.
+    /// Names `field` when an extent is below 1 mm, above 10 km or not finite, or when a polygon is not convex, not
+    /// counter-clockwise, crosses itself, has a spike, a repeated vertex, no area or fewer than three vertices.
     pub fn validate(&self, field: &str) -> Result<(), SimError> {
         let positive = |name: &str, value: f32| {
-            if value > 0.0 && value <= EXTENT_MAX {
+            if (EXTENT_MIN..=EXTENT_MAX).contains(&value) {
                 return Ok(());
             }
-            Err(SimError::field(format!("{field}.{name}"), value, format!("a length in (0, {EXTENT_MAX}] m")))
+            let expected = format!("a length in [{EXTENT_MIN}, {EXTENT_MAX}] m");
+            Err(SimError::field(format!("{field}.{name}"), value, expected))
         };
         match self {
             Self::Circle { radius } => positive("radius", *radius),
             Self::Box { length, width } => positive("length", *length).and(positive("width", *width)),
             Self::Segment { a, b } => {
-                if within(*a) && within(*b) && a != b {
+                if within(*a) && within(*b) && a.distance(*b) >= EXTENT_MIN {
                     return Ok(());
                 }
-                Err(SimError::field(
-                    field,
-                    format!("{a}–{b}"),
-                    "a segment between two different finite points",
-                ))
+                let expected = format!("a segment between two points at least {EXTENT_MIN} m apart");
+                Err(SimError::field(field, format!("{a}–{b}"), expected))
             }
             Self::Polygon { vertices } => validate_polygon(field, vertices),
         }
@@ -149,37 +150,40 @@ fn within(point: Vec2) -> bool {
 
 fn validate_polygon(field: &str, vertices: &[Vec2]) -> Result<(), SimError> {
     let n = vertices.len();
+    let refuse = |found: String, expected: &str| Err(SimError::field(field, found, expected));
     if n < 3 {
-        return Err(SimError::field(field, format!("{n} vertices"), "at least 3"));
+        return refuse(format!("{n} vertices"), "at least 3");
     }
     if let Some(bad) = vertices.iter().find(|v| !within(**v)) {
-        return Err(SimError::field(field, bad, format!("finite coordinates within ±{EXTENT_MAX} m")));
+        return refuse(bad.to_string(), &format!("finite coordinates within ±{EXTENT_MAX} m"));
+    }
+    let edge = |i: usize| vertices[(i + 1) % n].as_dvec2() - vertices[i % n].as_dvec2();
+    if let Some(i) = (0..n).find(|i| edge(*i).length() < f64::from(EXTENT_MIN)) {
+        let (found, next) = (edge(i).length() as f32, (i + 1) % n);
+        let expected = format!("at least {EXTENT_MIN} m from one vertex to the next");
+        return refuse(format!("{found} m from vertex {i} to vertex {next}"), &expected);
     }
     // The sine of a turn may fall below zero by what rounding a short edge's ends to f32 can do.
-    let turns_right = |i: usize| {
-        let [a, b, c] = [i, i + 1, i + 2].map(|j| vertices[j % n].as_dvec2());
-        (b - a).perp_dot(c - b) < -1e-3 * (b - a).length() * (c - b).length()
-    };
-    if let Some(i) = (0..n).find(|i| turns_right(*i) || vertices[*i] == vertices[(*i + 1) % n]) {
-        return Err(SimError::field(
-            field,
-            format!("a turn to the right or a repeated point after vertex {i}"),
-            "a convex polygon, counter-clockwise",
-        ));
+    let sine = |i: usize| edge(i).perp_dot(edge(i + 1)) / (edge(i).length() * edge(i + 1).length());
+    let convex = "a convex polygon, counter-clockwise";
+    if let Some(i) = (0..n).find(|i| sine(*i) < -1e-3) {
+        return refuse(format!("a turn to the right after vertex {i}"), convex);
+    }
+    if let Some(i) = (0..n).find(|i| sine(*i) < 1e-3 && edge(*i).dot(edge(i + 1)) < 0.0) {
+        return refuse(format!("an outline that goes back on itself at vertex {}", (i + 1) % n), convex);
     }
     // Left turns alone also make a star; the turning angles of a simple outline add up to one turn.
-    let angle = |i: usize| {
-        let [a, b, c] = [i, i + 1, i + 2].map(|j| vertices[j % n].as_dvec2());
-        libm::atan2((b - a).perp_dot(c - b), (b - a).dot(c - b))
-    };
+    let angle = |i: usize| libm::atan2(edge(i).perp_dot(edge(i + 1)), edge(i).dot(edge(i + 1)));
     let total: f64 = (0..n).map(angle).sum();
-    let area: f64 = (0..n).map(|i| vertices[i].as_dvec2().perp_dot(vertices[(i + 1) % n].as_dvec2())).sum();
-    if area <= 0.0 || (total - std::f64::consts::TAU).abs() > 1e-6 {
-        return Err(SimError::field(
-            field,
-            "an outline that crosses itself or has no area",
-            "a convex polygon",
-        ));
+    if (total - std::f64::consts::TAU).abs() > 1e-6 {
+        return refuse("an outline that crosses itself".into(), convex);
+    }
+    let width = 2.0 * Shape::Polygon { vertices: vertices.to_vec() }.least_half_width();
+    if width < EXTENT_MIN {
+        return refuse(
+            format!("an outline {width} m wide"),
+            &format!("an area at least {EXTENT_MIN} m wide"),
+        );
     }
     Ok(())
 }
@@ -208,6 +212,33 @@ mod tests {
             .map(|(sin, cos)| (cos, sin))
             .collect();
         assert!(polygon(&star).validate("p").is_err());
+    }
+
+    #[test]
+    fn polygons_without_an_area_or_with_a_spike_are_refused_in_words() {
+        let check = |points: &[(f32, f32)], found: &str| {
+            let shape = Shape::Polygon { vertices: points.iter().map(|p| Vec2::from(*p)).collect() };
+            let message = shape.validate("p").expect_err("degenerate").to_string();
+            assert!(message.starts_with(&format!("p: found {found}")), "{message}");
+        };
+        let doubled = [(0.0, 0.0), (1.0, 0.0), (1.0, 5e-17), (1.0, 1.0), (0.0, 1.0)];
+        check(&doubled, "0.00000000000000005");
+        check(&[(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 0.0)], "0 m from vertex 3 to vertex 0");
+        check(&[(0.0, 0.0), (1.0, 0.0), (2.0, 1e-17)], "an outline that goes back on itself at vertex 2");
+        check(&[(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)], "an outline that goes back on itself at vertex 2");
+        check(&[(0.0, 0.0), (4.0, 0.0), (2.0, 0.000_5)], "an outline that goes back on itself at vertex 1");
+        check(&[(0.0, 0.0), (0.1, 0.0), (0.1, 0.000_9), (0.0, 0.000_9)], "0.0009 m from vertex 1");
+        check(&[(0.0, 0.0), (0.1, 0.0), (0.05, 0.000_9)], "an outline 0.0009 m wide");
+        // A spike out of a square, there and back along one line.
+        let spike = [(0.0, 0.0), (1.0, 0.0), (3.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)];
+        check(&spike, "a turn to the right after vertex 2");
+        let bow = [(0.0, 0.0), (1.0, 1.0), (1.0, 0.0), (0.0, 1.0)];
+        check(&bow, "a turn to the right after vertex 0");
+        let twice: Vec<(f32, f32)> = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].repeat(2);
+        check(&twice, "an outline that crosses itself");
+        // A vertex amid a straight edge harms nothing.
+        let straight = [(0.0, 0.0), (0.5, 0.0), (1.0, 0.0), (1.0, 1.0)].map(Vec2::from).to_vec();
+        assert_eq!(Shape::Polygon { vertices: straight }.validate("p"), Ok(()));
     }
 
     #[test]

@@ -9,6 +9,7 @@
 // `forbid` is not possible here: `laser::dispatch` calls functions compiled for CPU features found at run time.
 #![deny(unsafe_code)]
 
+mod boundary;
 mod config;
 mod crash;
 #[cfg(test)]
@@ -33,6 +34,7 @@ mod traits;
 mod trig;
 mod world;
 
+pub use boundary::outline;
 pub use config::{
     AccelerationLimits, EXTRAS, EpisodeConfig, FRAMES, LaserConfig, LaserKernel, OBSERVATION_LEN,
     RewardConfig, RobotConfig, RoomConfig, SafetyZoneConfig, SimConfig, SpawnConfig,
@@ -48,7 +50,7 @@ pub use reward::{ZoneBody, outcome, reward, safety_zone};
 pub use rng::{StreamRng, Streams};
 pub use room::Whereabouts;
 pub use rooms::{Rooms, RoomsMut, Transition};
-pub use scenario::Scenario;
+pub use scenario::{REACH, Scenario, TracedArea};
 pub use spawn::Spawner;
 pub use state::RoomsState;
 pub use traits::{Role, TrainingCrowd};

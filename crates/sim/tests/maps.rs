@@ -94,14 +94,198 @@ fn bad_grids_are_refused_in_one_line() {
         refused(&[("m.yaml", YAML.replace(from, to).as_bytes()), ("m.pgm", image)])
     };
     assert!(yaml("0.5", "fast", good).starts_with("m.yaml: resolution: found fast, expected a number"));
-    assert!(yaml("0.0]", "0.7]", good).starts_with("m.yaml: origin: found [-1.0, -2.0, 0.7]"));
+    assert!(yaml("0.0]", "here]", good).starts_with("m.yaml: origin: found [-1.0, -2.0, here]"));
+    assert!(
+        yaml(", 0.0]", "]", good).starts_with("m.yaml: origin: found [-1.0, -2.0], expected [x, y, yaw]")
+    );
+    assert!(yaml("-1.0,", "-1500.0,", good).starts_with("m.yaml: origin: found [-1500.0"));
+    assert!(yaml("negate: 0", "negate: maybe", good).starts_with("m.yaml: negate: found maybe"));
+    assert!(yaml("negate: 0", "mode: costmap\nnegate: 0", good).starts_with("m.yaml: mode: found costmap"));
+    assert!(yaml("negate: 0", "negate: 0\nnegate: 1", good).starts_with("m.yaml: negate: found a second"));
+    assert!(yaml("image: m.pgm", "image: [m.pgm]", good).starts_with("m.yaml: image: found [m.pgm]"));
+    assert!(yaml("image: m.pgm", "image: [m.pgm", good).starts_with("m.yaml: line "));
     assert!(yaml("negate: 0\n", "", good).starts_with("m.yaml: negate: found nothing"));
-    assert!(yaml("negate", "negative", good).starts_with("m.yaml: line 4: found negative"));
+    assert!(yaml("negate", "negative", good).starts_with("m.yaml: negate: found nothing"));
     assert!(yaml("m.pgm", "n.pgm", good).starts_with("n.pgm: file: found No such file"));
     assert!(yaml("", "", b"P5 2 1 255\n\xFE").starts_with("m.pgm: pixels: found 1 bytes, expected 2"));
     assert!(yaml("", "", b"P5 99999999 99999999 255\n").starts_with("m.pgm: size: found 99999999 by"));
     assert!(yaml("", "", b"P2 1 1 255\nx").starts_with("m.pgm: pixel: found byte 120"));
     assert!(yaml("", "", b"P2 1 1 100\n101").starts_with("m.pgm: pixel: found 101, expected at most 100"));
+    assert!(yaml("", "", b"P5 1 1 65536\n\0\0").starts_with("m.pgm: maximum: found 65536"));
+    assert!(yaml("", "", b"P5 2 1 65535\n\xFE\xFE").starts_with("m.pgm: pixels: found 2 bytes, expected 4"));
     assert!(yaml("", "", b"GIF89a").starts_with("m.pgm: first bytes: found something else"));
     assert!(yaml("", "", b"\x89PNG\r\n\x1a\nrubbish").starts_with("m.pgm: PNG: found"));
+}
+
+/// The scenario of a yaml beside an image.
+#[track_caller]
+fn grid(yaml: &[u8], image: &[u8]) -> jostle_sim::Scenario {
+    let (_folder, path) = write(&[("m.yaml", yaml), ("m.pgm", image)]);
+    maps::load(&path).expect("a map")
+}
+
+/// An image of free cells but for the left column.
+const HALF: &[u8] = b"P5 2 2 255\n\x00\xFE\x00\xFE";
+
+#[test]
+fn the_same_map_in_other_yaml_is_the_same() {
+    let expected = grid(YAML.as_bytes(), HALF);
+    let same = |yaml: &[u8]| assert_eq!(grid(yaml, HALF), expected, "{}", String::from_utf8_lossy(yaml));
+    let with = |from: &str, to: &str| {
+        assert!(YAML.contains(from), "{from}");
+        same(YAML.replace(from, to).as_bytes());
+    };
+    with("[-1.0, -2.0, 0.0]", "[-1.0,\n  -2.0, 0.0]");
+    with("[-1.0, -2.0, 0.0]", "\n- -1.0\n- -2.0 # y\n- 0.0");
+    with("[-1.0, -2.0, 0.0]", "[ -1, -2., +0e0 ]");
+    for word in ["false", "False", "no", "off", "\"0\"", "0.0"] {
+        with("negate: 0", &format!("negate: {word}"));
+    }
+    with("image: m.pgm", "image: m.pgm\t# a map");
+    with("image: m.pgm", "image: 'm.pgm'");
+    with("image: m.pgm", "\"image\": \"m.pgm\"");
+    with("image: m.pgm", "# made by hand\n---\nimage: m.pgm");
+    with("image: m.pgm", "%YAML 1.2\n---\nimage: m.pgm");
+    with("image: m.pgm", "image: m.pgm\nmap_id: /a/7f\nareas: {a: [1, [2]], b: ~}\ntags:\n- x\n- y: z");
+    with("resolution: 0.5", "resolution: &half !!float 0.5\nhalf: *half\nmode: trinary");
+    same(YAML.replace('\n', "\r\n").as_bytes());
+    same(format!("{{{}}}", YAML.trim_end().replace('\n', ", ")).as_bytes());
+    same(format!("\u{feff}{YAML}").as_bytes());
+    let wide: Vec<u8> = format!("\u{feff}{YAML}").encode_utf16().flat_map(u16::to_le_bytes).collect();
+    same(&wide);
+}
+
+#[test]
+fn polygon_maps_may_begin_with_a_byte_order_mark() {
+    let (_folder, path) = write(&[("m.toml", format!("\u{feff}{WALLS}").as_bytes())]);
+    assert_eq!(maps::load(&path).expect("a map").walls, (Vec2::splat(-10.0), Vec2::splat(10.0)));
+}
+
+#[test]
+fn keys_that_are_not_read_are_told_in_one_line() {
+    let yaml = format!("{YAML}map_id: /a/7f\n\"cost\\nmap\": {{a: 1}}\n");
+    let (_folder, path) = write(&[("m.yaml", yaml.as_bytes()), ("m.pgm", HALF)]);
+    let notes = maps::notes(&path).expect("notes");
+    assert_eq!(notes, [format!("{}: not read: map_id, cost map", path.display())]);
+    let (_folder, path) = write(&[("m.yaml", YAML.as_bytes()), ("m.pgm", HALF)]);
+    assert!(maps::notes(&path).expect("notes").is_empty());
+}
+
+/// Whether the middles of a row of cells of half a metre, from (-0.75, -1.75) on, are free.
+fn free_row(scenario: &jostle_sim::Scenario, n: u8) -> Vec<bool> {
+    let world = scenario.build().expect("world");
+    (0..n).map(|i| world.clearance(Vec2::new(f32::from(i) * 0.5 - 0.75, -1.75)) > 0.2).collect()
+}
+
+#[test]
+fn modes_are_read_as_nav2_does() {
+    let row = |mode: &str, image: &[u8], n| {
+        let yaml = YAML.replace("negate", &format!("mode: {mode}\nnegate"));
+        free_row(&grid(yaml.as_bytes(), image), n)
+    };
+    let image = b"P5 5 1 255\n\x00\x13\x1E\xCD\xFE";
+    assert_eq!(row("trinary", image, 5), [false, false, false, false, true]);
+    // 205 is a thousandth above the threshold: a share that rounds to 0.
+    assert_eq!(row("scale", image, 5), [false, false, false, true, true]);
+    // 0, 19 and 30 are percentages; 205 and 254 are none.
+    assert_eq!(row("raw", image, 5), [true, true, false, false, false]);
+}
+
+#[test]
+fn images_of_sixteen_bits_and_of_colours_are_read_in_full() {
+    // 0xCC00 / 65535 = 0.797 is not free, 0xCE00 / 65535 = 0.805 is.
+    let deep = b"P5 2 1 65535\n\xCC\x00\xCE\x00";
+    assert_eq!(free_row(&grid(YAML.as_bytes(), deep), 2), [false, true]);
+    assert_eq!(free_row(&grid(YAML.as_bytes(), b"P2 2 1 65535\n52224 52736\n"), 2), [false, true]);
+    assert_eq!(free_row(&grid(YAML.as_bytes(), b"P6 2 1 255\n\xFE\xFE\x00\xFE\xFE\xFE"), 2), [false, true]);
+    assert_eq!(free_row(&grid(YAML.as_bytes(), b"P3 2 1 9\n9 9 0  9 9 9"), 2), [false, true]);
+    // What follows the pixels is not looked at.
+    assert_eq!(free_row(&grid(YAML.as_bytes(), b"P5 2 1 255\n\x00\xFE\n"), 2), [false, true]);
+    let png = |color, data: &[u8]| {
+        let mut image = Vec::new();
+        let mut encoder = png::Encoder::new(&mut image, 2, 1);
+        encoder.set_color(color);
+        encoder.set_depth(png::BitDepth::Sixteen);
+        encoder.write_header().expect("header").write_image_data(data).expect("pixels");
+        free_row(&grid(YAML.as_bytes(), &image), 2)
+    };
+    assert_eq!(png(png::ColorType::Grayscale, b"\xCC\x00\xCE\x00"), [false, true]);
+    // Half transparent white: (3 · 1 + 0.5) / 4 = 0.875 is free; a tenth: 0.775 is not.
+    assert_eq!(png(png::ColorType::GrayscaleAlpha, b"\xFF\xFF\x19\x99\xFF\xFF\x80\x00"), [false, true]);
+}
+
+#[test]
+fn a_yaw_turns_the_map_around_its_origin() {
+    // One row of eight cells, the fourth solid, turned by 30°.
+    let turned = YAML.replace("-2.0, 0.0]", "-2.0, 0.523598776]").replace("0.5", "1.0");
+    let turned = turned.replace("1.023598776", "0.523598776").replace("1.023", "0.523");
+    assert!(turned.contains("0.523598776") && turned.contains("resolution: 1.0"), "{turned}");
+    let image = b"P5 8 3 255\n\xFE\xFE\xFE\xFE\xFE\xFE\xFE\xFE\xFE\xFE\xFE\x00\xFE\xFE\xFE\xFE\xFE\xFE\xFE\xFE\xFE\xFE\xFE\xFE";
+    let world = grid(turned.as_bytes(), image).build().expect("world");
+    let at = |x: f32, y: f32| {
+        let point = Vec2::new(-1.0, -2.0) + Vec2::from_angle(0.523_598_8).rotate(Vec2::new(x, y));
+        world.clearance(point)
+    };
+    assert_eq!(at(3.5, 1.5), 0.0);
+    assert!((at(2.5, 1.5) - 0.5).abs() < 1e-5 && (at(3.5, 0.5) - 0.5).abs() < 1e-5);
+    // The turned image's border is solid, although the walls are farther out.
+    assert!((at(0.25, 1.5) - 0.25).abs() < 1e-4, "{}", at(0.25, 1.5));
+    for (x, y) in [(-0.2, 1.5), (8.2, 1.5), (4.0, -0.2), (4.0, 3.2)] {
+        assert_eq!(at(x, y), 0.0, "({x}, {y})");
+    }
+    let (min, max) = world.walls().expect("walls");
+    let reach = Vec2::new(8.0 * 0.866_025_4 - 1.0, 4.0 + 3.0 * 0.866_025_4 - 2.0);
+    assert!((min - Vec2::new(-2.5, -2.0)).length() < 1e-5 && (max - reach).length() < 1e-5, "{min} {max}");
+}
+
+#[test]
+fn what_is_too_far_for_single_precision_is_refused_in_one_line() {
+    let far = "walls = { min = [500000.0, 500000.0], max = [500020.0, 500020.0] }";
+    assert!(refused(&[("m.toml", far.as_bytes())]).starts_with("m.toml: walls: found [500000, 500000]"));
+    let check = |obstacle: &str| {
+        let map = format!("{WALLS}[[obstacle]]\n{obstacle}\n");
+        let message = refused(&[("m.toml", map.as_bytes())]);
+        assert!(
+            message.starts_with("m.toml: obstacle 0: found [3e6, 0]".replace("3e6", "3000000").as_str()),
+            "{message}"
+        );
+    };
+    check("circle = { centre = [3e6, 0.0], radius = 1.0 }");
+    check("box = { centre = [3e6, 0.0], length = 1.0, width = 1.0 }");
+    let message =
+        refused(&[("m.toml", format!("{WALLS}[[obstacle]]\nsegment = [[0, 0], [2000, 0]]\n").as_bytes())]);
+    assert!(message.starts_with("m.toml: obstacle 0: found [2000, 0]"), "{message}");
+}
+
+#[test]
+fn degenerate_shapes_are_refused_in_one_line() {
+    let check = |obstacle: &str, found: &str| {
+        let map = format!("{WALLS}[[obstacle]]\n{obstacle}\n");
+        let message = refused(&[("m.toml", map.as_bytes())]);
+        assert!(message.starts_with(&format!("m.toml: obstacle 0{found}")), "{message}");
+    };
+    check("polygon = [[0, 0], [1, 0], [1, 5e-17], [1, 1], [0, 1]]", ": found 0.0000");
+    check("polygon = [[0, 0], [1, 0], [2, 1e-17]]", ": found an outline that goes back on itself");
+    check("polygon = [[0, 0], [1, 0], [1, 0]]", ": found 0 m from vertex 1");
+    check("segment = [[1, 1], [1, 1]]", ": found [1, 1]–[1, 1]");
+    check("circle = { centre = [0, 0], radius = 1e-30 }", ".radius: found");
+    check("box = { centre = [0, 0], length = 1e-20, width = 1 }", ".length: found");
+    check("box = { centre = [nan, 0], length = 1, width = 1 }", ".pose: found");
+}
+
+#[test]
+fn a_map_is_known_by_its_content() {
+    let hash = |yaml: &str, image: &[u8]| {
+        let (_folder, path) = write(&[("m.yaml", yaml.as_bytes()), ("m.pgm", image)]);
+        maps::sha256(&path).expect("hash")
+    };
+    let first = hash(YAML, HALF);
+    assert_eq!((first.len(), &hash(YAML, HALF)), (64, &first));
+    assert_ne!(hash(&YAML.replace("0.5", "0.6"), HALF), first);
+    assert_ne!(hash(YAML, b"P5 2 2 255\n\x00\xFE\x00\x00"), first);
+    let (_folder, path) = write(&[("m.toml", b"")]);
+    assert_eq!(
+        maps::sha256(&path).expect("hash"),
+        "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855"
+    );
 }

@@ -136,12 +136,17 @@ fn damage_archive(path: &Path, whole: &[u8], archive: &Archive, rng: &mut Stream
 
 const YAML: &str = "image: input.pgm\nresolution: 0.5\norigin: [-4.0, -3.0, 0.0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\nmode: trinary\n";
 
+/// The same keys in other words and forms, and a map that is turned.
+const YAML_IN_FULL: &str = "# a map\n---\nimage: 'input.pgm'\nresolution: &r 0.5\norigin:\n  - -4.0\n  - -3.0\n  - 0.4\nnegate: off\n\
+    occupied_thresh: 0.65\nfree_thresh: 0.196\nmode: scale\nother: {a: [1, *r], b: ~}\n";
+
 /// `map.yaml` beside a sound image.
 fn map_yaml(scratch: &Path) -> Result<Case> {
     let path = scratch.join("input.yaml");
     fs::write(scratch.join("input.pgm"), pgm(true))?;
     Ok(Box::new(move |rng| {
-        let mut bytes = YAML.as_bytes().to_vec();
+        let seed = if rng.random() { YAML } else { YAML_IN_FULL };
+        let mut bytes = seed.as_bytes().to_vec();
         mutate(&mut bytes, rng);
         fs::write(&path, bytes)?;
         Ok(live_in(&path))

@@ -223,7 +223,7 @@ impl<'a> Session<'a> {
 }
 
 fn crowd_of(stock: &Stock, plan: &RoomPlan) -> Result<Box<dyn Crowd>> {
-    Ok(make_crowd(&plan.config, plan.crowd, &stock.pools, &polygons(&plan.scenario))?)
+    Ok(make_crowd(&plan.config, plan.crowd, &stock.pools, &plan.scenario.boundary())?)
 }
 
 #[cfg(test)]

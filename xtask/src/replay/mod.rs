@@ -123,6 +123,7 @@ pub(crate) fn run(args: &ReplayArgs) -> Result<ExitCode> {
         drivers.push(Driver::open(path, args.against_token)?);
     }
     let config = EvalConfig { seed: args.seed, ..config_of(&drivers, args.agents)? };
+    crate::maps::tell(&config.sim.room)?;
     let protocol = Protocol::new(config, pools(args, &crowds)?)?;
     let wish = Wish { wanted: args.outcome, episodes: args.episodes, search: args.search };
     let page = record(&protocol, &drivers, &crowds, wish)?;

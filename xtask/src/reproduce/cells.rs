@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
 use jostle_eval::compact::CompactCell;
-use jostle_eval::identity::{hex_sha256, short};
+use jostle_eval::identity::short;
 use jostle_eval::loaded::LoadedPolicy;
 use jostle_eval::protocol::{Protocol, Subject};
 use jostle_eval::robot::TrainedRobot;
@@ -51,13 +51,7 @@ impl Cells {
     pub(crate) fn get(&mut self, wanted: &Wanted<'_>) -> Result<CompactCell> {
         let Wanted { protocol, policy, token, crowd, episodes } = *wanted;
         let subject = Subject { identity: &policy.identity, token };
-        let mut key = protocol.key(subject, crowd);
-        if let Some(map) = &protocol.config().sim.room.map {
-            // A map is known by what is in it; where it lies is another on each machine.
-            let mut config = protocol.config().clone();
-            config.sim.room.map = Some(PathBuf::from(map_sha256(map)?));
-            key.settings = config.settings_hash();
-        }
+        let key = protocol.key(subject, crowd);
         let path = self.folder.join(format!("{crowd}-z{token}-{}.txt", short(&key.hash())));
         let stored = path.exists().then(|| CompactCell::read(&path)).transpose()?;
         if let Some(stored) = &stored {
@@ -114,10 +108,4 @@ impl Cells {
             self.folder.display()
         ));
     }
-}
-
-/// SHA-256 of a map's file.
-fn map_sha256(path: &Path) -> Result<String> {
-    let bytes = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
-    Ok(hex_sha256(&bytes))
 }

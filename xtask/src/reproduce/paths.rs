@@ -39,7 +39,9 @@ struct Way {
 pub(super) fn figure(found: &Found) -> Result<Figure> {
     let policy = &found.policy;
     let map = workspace().join("maps/obstacle.toml");
-    let scenario = Scenario::new(&RoomConfig { map: Some(map), ..RoomConfig::default() })?;
+    let mut room = RoomConfig::default();
+    room.map = Some(map);
+    let scenario = Scenario::new(&room)?;
     let tokens = 0..policy.file.network.n_behaviours as u32;
     let ways: Vec<Way> = tokens.map(|token| way(policy, token, &scenario)).collect::<Result<_>>()?;
     let note = format!("{}: training seed {}, {} updates", policy.identity.name, found.seed, found.updates);

@@ -46,11 +46,12 @@ pub(super) fn view_weight(config: &SocialForceConfig, a: &Walker, b: &Walker, fo
     if direction(a).dot(u) >= u.length() * cos_half_view { 1.0 } else { config.out_of_view_weight }
 }
 
-/// Repulsion by the nearest point of a border.
+/// Repulsion by the nearest point of a border; 0 where the border does not face the pedestrian.
 ///
 /// # Formula
 /// f = (U⁰/R) exp(−|d|/R) d/|d|, with d from the border's nearest point to the pedestrian.
 pub(super) fn wall_force(config: &SocialForceConfig, position: DVec2, border: &Border) -> DVec2 {
-    let d = position - border.nearest(position);
+    let Some(nearest) = border.nearest(position) else { return DVec2::ZERO };
+    let d = position - nearest;
     config.u0 / config.r * (-d.length() / config.r).exp() * d.normalize_or_zero()
 }

@@ -27,7 +27,8 @@ impl Config {
     /// Reads `path`, applies the overrides in order, and validates the result.
     ///
     /// An override is `key=value` with a dotted key and a TOML value; a bare word is taken as a string
-    /// (`intrinsic_reward=state`).
+    /// (`intrinsic_reward=state`). A relative path of the file starts from the file's folder, one of an override from the
+    /// working directory.
     ///
     /// # Errors
     ///
@@ -42,7 +43,12 @@ impl Config {
             let message = format!("found {found}, expected a configuration of at most {TEXT_MAX} bytes");
             return Err(PpoError::Syntax { location, message });
         }
-        Self::parse(&std::fs::read_to_string(path).map_err(io)?, &location, overrides)
+        let text = std::fs::read_to_string(path).map_err(io)?;
+        let mut config = Self::parse(&text, &location, overrides)?;
+        if !overrides.iter().any(|argument| names_a_map(argument.as_ref())) {
+            config.sim.room.named_in(path.parent().unwrap_or(Path::new("")));
+        }
+        Ok(config)
     }
 
     /// As [`Self::load`], from text; `label` stands for the file in errors.
@@ -66,6 +72,13 @@ impl Config {
         config.validate().map_err(|error| source.locate(error, &set))?;
         Ok(config)
     }
+}
+
+/// Whether an override sets the map, by itself or with its whole section.
+fn names_a_map(argument: &str) -> bool {
+    let key = argument.split('=').next().unwrap_or_default();
+    let parts: Vec<&str> = key.split('.').map(str::trim).collect();
+    "sim.room.map".split('.').collect::<Vec<_>>().starts_with(&parts)
 }
 
 /// Writes one override into the table; returns its path.
@@ -349,5 +362,18 @@ mod tests {
     fn files_are_read_and_missing_ones_named() {
         let error = Config::load(Path::new("/nonexistent/a.toml"), NONE).unwrap_err().to_string();
         assert!(error.starts_with("/nonexistent/a.toml: cannot read"), "{error}");
+    }
+
+    #[test]
+    fn a_map_starts_from_the_file_that_names_it_and_an_override_from_the_working_directory() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.toml");
+        std::fs::write(&path, "[sim.room]\nmap = \"m.toml\"\n").unwrap();
+        let map = |overrides: &[&str]| Config::load(&path, overrides).unwrap().sim.room.map_file().unwrap();
+        let beside = folder.path().canonicalize().unwrap().join("m.toml");
+        assert_eq!(map(&[]), beside);
+        assert_eq!(map(&["sim.room.width=3"]), beside);
+        assert_eq!(map(&["sim.room.map=n.toml"]), Path::new("n.toml"));
+        assert_eq!(map(&["sim.room={ map = \"n.toml\" }"]), Path::new("n.toml"));
     }
 }

@@ -3,13 +3,16 @@
 //! Every refusal is one [`SimError::File`] that names the file, the field, what was found and what was expected. Sizes are
 //! capped before anything of that size is allocated.
 
+mod contour;
 mod grid;
 mod image;
 mod polygon;
 mod yaml;
 
-use crate::error::SimError;
+use crate::error::{SimError, one_line};
 use crate::scenario::Scenario;
+use sha2::{Digest, Sha256};
+use std::fmt::Write as _;
 use std::io::Read;
 use std::path::Path;
 
@@ -39,6 +42,47 @@ pub fn load(path: &Path) -> Result<Scenario, SimError> {
     Ok(scenario)
 }
 
+/// What a map file holds that is not read, each as one line for the user: keys of a `map.yaml` that other tools put there.
+/// Nothing here prints; a command does, once.
+///
+/// # Errors
+///
+/// When the file cannot be read or is no such map.
+pub fn notes(path: &Path) -> Result<Vec<String>, SimError> {
+    if !is_grid(path) {
+        return Ok(Vec::new());
+    }
+    let ignored = grid::ignored(path)?;
+    let note = || format!("{}: not read: {}", path.display(), one_line(&ignored.join(", ")));
+    Ok((!ignored.is_empty()).then(note).into_iter().collect())
+}
+
+/// SHA-256 of a map's content, in hexadecimal: of the file's bytes; of a `map.yaml`, of the hexadecimal hashes of the file and
+/// of its image, one behind the other. Where the files lie does not matter.
+///
+/// # Errors
+///
+/// When a file cannot be read or a `map.yaml` names no image.
+pub fn sha256(path: &Path) -> Result<String, SimError> {
+    let file = hex_sha256(&read(path)?);
+    if !is_grid(path) {
+        return Ok(file);
+    }
+    Ok(hex_sha256((file + &hex_sha256(&read(&grid::image_of(path)?)?)).as_bytes()))
+}
+
+fn hex_sha256(bytes: &[u8]) -> String {
+    Sha256::digest(bytes).iter().fold(String::new(), |mut hex, byte| {
+        write!(hex, "{byte:02x}").expect("a string takes everything");
+        hex
+    })
+}
+
+/// Whether a file is a ROS map by its name.
+fn is_grid(path: &Path) -> bool {
+    matches!(path.extension().and_then(|e| e.to_str()), Some("yaml" | "yml"))
+}
+
 /// A file's bytes, up to the cap.
 fn read(path: &Path) -> Result<Vec<u8>, SimError> {
     let unreadable = |error: std::io::Error| SimError::file(path, "file", error, "a readable file");
@@ -55,9 +99,23 @@ fn read(path: &Path) -> Result<Vec<u8>, SimError> {
     Ok(bytes)
 }
 
-/// A file's text, up to the cap.
+/// A file's text, up to the cap: UTF-8, or UTF-16 where a byte order mark says so. The mark itself is no part of the text.
 fn read_text(path: &Path) -> Result<String, SimError> {
-    String::from_utf8(read(path)?).map_err(|e| {
+    let mut bytes = read(path)?;
+    let units = |decode: fn([u8; 2]) -> u16| {
+        let units: Vec<u16> = bytes[2..].chunks_exact(2).map(|pair| decode([pair[0], pair[1]])).collect();
+        String::from_utf16(&units)
+            .map_err(|error| SimError::file(path, "content", error, "text in UTF-8 or UTF-16"))
+    };
+    match bytes.get(..2) {
+        Some([0xFF, 0xFE]) => return units(u16::from_le_bytes),
+        Some([0xFE, 0xFF]) => return units(u16::from_be_bytes),
+        _ => {}
+    }
+    if bytes.starts_with(&[0xEF, 0xBB, 0xBF]) {
+        bytes.drain(..3);
+    }
+    String::from_utf8(bytes).map_err(|e| {
         SimError::file(path, format!("byte {}", e.utf8_error().valid_up_to()), "no UTF-8", "text")
     })
 }

@@ -58,16 +58,16 @@ enum ObstacleEntry {
 
 pub(super) fn from_toml(path: &Path) -> Result<Scenario, SimError> {
     let parsed = toml::from_str::<MapFile>(&read_text(path)?);
-    scenario(path, parsed.map_err(|error| one_line(&error.to_string())))
+    scenario(path, parsed.map_err(|error| without_picture(&error.to_string())))
 }
 
 pub(super) fn from_json(path: &Path) -> Result<Scenario, SimError> {
     let parsed = serde_json::from_str::<MapFile>(&read_text(path)?);
-    scenario(path, parsed.map_err(|error| one_line(&error.to_string())))
+    scenario(path, parsed.map_err(|error| without_picture(&error.to_string())))
 }
 
 /// A parser's message without its picture of the place.
-fn one_line(message: &str) -> String {
+fn without_picture(message: &str) -> String {
     let lines = message.lines().map(str::trim).filter(|line| !line.is_empty() && !line.contains('|'));
     lines.collect::<Vec<_>>().join(": ")
 }
@@ -80,7 +80,7 @@ fn scenario(path: &Path, parsed: Result<MapFile, String>) -> Result<Scenario, Si
         return Err(SimError::file(path, "obstacle", found, format!("at most {OBSTACLES_MAX}")));
     }
     let obstacles = map.obstacle.into_iter().map(place).collect();
-    Ok(Scenario { walls: (map.walls.min, map.walls.max), obstacles })
+    Ok(Scenario { walls: (map.walls.min, map.walls.max), obstacles, traced: None })
 }
 
 fn place(entry: ObstacleEntry) -> (Shape, Pose) {

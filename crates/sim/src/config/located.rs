@@ -1,0 +1,109 @@
+//! Where a configuration's map lies: relative paths start from the file that names them, wherever a command is run.
+
+use super::RoomConfig;
+use std::path::{Component, Path, PathBuf};
+
+impl RoomConfig {
+    /// The map's file, if there is a map, as the system finds it from the working directory.
+    pub fn map_file(&self) -> Option<PathBuf> {
+        let map = self.map.as_ref()?;
+        Some(self.folder.as_ref().map_or_else(|| map.clone(), |folder| folder.join(map)))
+    }
+
+    /// Says that a file in `folder` names the map: a relative path starts there.
+    pub fn named_in(&mut self, folder: &Path) {
+        if self.map.as_ref().is_some_and(|map| map.is_relative()) {
+            self.folder = Some(real(folder));
+        }
+    }
+
+    /// As [`Self::named_in`], for what this program has written. Earlier versions wrote paths as they were given, relative
+    /// to the working directory: such a path is taken from there if nothing lies where the folder says.
+    pub fn stored_in(&mut self, folder: &Path) {
+        let (as_given, mut here) = (self.clone(), self.clone());
+        here.named_in(folder);
+        let lies = |room: &Self| room.map_file().is_some_and(|map| map.exists());
+        *self = if lies(&as_given) && !lies(&here) { as_given } else { here };
+    }
+
+    /// The room as a file in `folder` names it: a relative path leads from there to the same map. An absolute one stays.
+    #[must_use]
+    pub fn as_named_in(&self, folder: &Path) -> Self {
+        let mut room = self.clone();
+        if let Some(file) = self.map_file().filter(|_| self.map.as_ref().is_some_and(|map| map.is_relative()))
+        {
+            let folder = real(folder);
+            room.map = Some(path_from(&folder, &real(&file)));
+            room.folder = Some(folder);
+        }
+        room
+    }
+}
+
+/// An absolute path without links where it exists; folders that do not exist yet may follow.
+fn real(path: &Path) -> PathBuf {
+    if let Ok(path) = path.canonicalize() {
+        return path;
+    }
+    let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    match (absolute.parent(), absolute.file_name()) {
+        (Some(parent), Some(name)) => real(parent).join(name),
+        _ => absolute,
+    }
+}
+
+/// The relative path from a folder to a file, both absolute; the file itself where nothing is shared (two drives).
+fn path_from(folder: &Path, file: &Path) -> PathBuf {
+    let (from, to): (Vec<_>, Vec<_>) = (folder.components().collect(), file.components().collect());
+    let shared = from.iter().zip(&to).take_while(|(a, b)| a == b).count();
+    if shared == 0 {
+        return file.to_owned();
+    }
+    let up = from[shared..].iter().map(|_| Component::ParentDir);
+    up.chain(to[shared..].iter().copied()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn room(map: &str) -> RoomConfig {
+        RoomConfig { map: Some(map.into()), ..RoomConfig::default() }
+    }
+
+    #[test]
+    fn a_relative_path_starts_from_its_file_and_follows_it() {
+        let folder = tempfile::tempdir().expect("folder");
+        let at = |path: &str| folder.path().join(path);
+        for path in ["configs", "maps", "runs/a/checkpoints"] {
+            std::fs::create_dir_all(at(path)).expect("folder");
+        }
+        std::fs::write(at("maps/m.toml"), "x").expect("map");
+        let mut read = room("../maps/m.toml");
+        read.named_in(&at("configs"));
+        let text =
+            |room: &RoomConfig| std::fs::read_to_string(room.map_file().expect("a map")).expect("text");
+        assert_eq!(text(&read), "x");
+        let stored = read.as_named_in(&at("runs/a/checkpoints"));
+        assert_eq!(stored.map, Some("../../../maps/m.toml".into()));
+        assert_eq!(text(&stored), "x");
+        // A folder that is still to be made.
+        assert_eq!(read.as_named_in(&at("runs/new")).map, Some("../../maps/m.toml".into()));
+        let absolute = RoomConfig { map: Some(at("maps/m.toml")), ..RoomConfig::default() };
+        assert_eq!(absolute.as_named_in(&at("runs/a")), absolute);
+        assert_eq!(RoomConfig::default().as_named_in(&at("runs/a")).map_file(), None);
+    }
+
+    #[test]
+    fn what_earlier_versions_stored_is_found_from_the_working_directory() {
+        let folder = tempfile::tempdir().expect("folder");
+        // Tests run in the crate's folder.
+        let mut old = room("Cargo.toml");
+        old.stored_in(folder.path());
+        assert_eq!(old.map_file(), Some("Cargo.toml".into()));
+        std::fs::write(folder.path().join("Cargo.toml"), "").expect("a map");
+        let mut new = room("Cargo.toml");
+        new.stored_in(folder.path());
+        assert_eq!(new.map_file(), Some(real(folder.path()).join("Cargo.toml")));
+    }
+}
