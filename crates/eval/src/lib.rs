@@ -40,4 +40,4 @@ pub use identity::PolicyIdentity;
 pub use loaded::LoadedPolicy;
 pub use outcome::EpisodeOutcome;
 pub use protocol::{CellRun, Protocol, Subject};
-pub use robot::{PerRow, RobotPolicy, TrainedRobot};
+pub use robot::{PerRow, Robot, RobotPolicy, RobotView, TrainedRobot};

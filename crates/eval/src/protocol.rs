@@ -14,7 +14,7 @@ use crate::identity::{PolicyIdentity, hex_sha256, short};
 use crate::lock_step::run_episodes;
 use crate::records::{EpisodeRecord, RecordWriter, TornTail};
 use crate::report::CellResult;
-use crate::robot::RobotPolicy;
+use crate::robot::Robot;
 use crate::room::{FinishedEpisode, RoomPlan, metric_scale};
 use crate::site::polygons;
 
@@ -110,7 +110,7 @@ impl Protocol {
     /// No episode asked for; what the crowd, a room or the file refuses.
     pub fn evaluate(
         &self,
-        robot: &mut dyn RobotPolicy,
+        robot: &mut dyn Robot,
         subject: Subject<'_>,
         crowd: CrowdKind,
         episodes: u64,

@@ -21,6 +21,7 @@ use crate::config::{EvalConfig, PedestrianCrash};
 use crate::error::EvalError;
 use crate::metrics::{EpisodeMetrics, MetricScale, distance};
 use crate::outcome::EpisodeOutcome;
+use crate::robot::RobotView;
 
 /// The robot's index among the bodies.
 const ROBOT: usize = 0;
@@ -284,6 +285,11 @@ impl EvalRoom {
         let pose = self.world.pose(ROBOT);
         let velocity = pose.direction() * self.velocity[0];
         Pedestrian { position: pose.position, velocity, heading: pose.heading, goal: self.goal }
+    }
+
+    /// What there is to be known for whoever drives the robot.
+    pub fn robot_view(&self) -> RobotView<'_> {
+        RobotView { row: self.robot_observation(), robot: self.robot(), pedestrians: &self.pedestrians }
     }
 
     /// What the crowd may know; `others` holds the robot where the visibility matrix lets it be seen, else nothing.
