@@ -134,7 +134,7 @@ impl Protocol {
     /// As [`Self::evaluate`]; a crowd with a built-in one's name, whose records would be taken for its own.
     pub fn evaluate_among(
         &self,
-        robot: &mut dyn RobotPolicy,
+        robot: &mut dyn Robot,
         subject: Subject<'_>,
         crowd: &mut dyn Crowd,
         episodes: u64,
@@ -153,7 +153,7 @@ impl Protocol {
     fn run(
         &self,
         cell: Cell<'_>,
-        robot: &mut dyn RobotPolicy,
+        robot: &mut dyn Robot,
         episodes: u64,
         mut progress: impl FnMut(u64),
     ) -> Result<CellRun, EvalError> {
