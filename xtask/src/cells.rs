@@ -38,9 +38,10 @@ impl Cell<'_> {
         let label = format!("{}, z = {}, {}", identity.name, self.token, self.crowd);
         let started = Instant::now();
         let mut progress = None;
-        let run = self.protocol.evaluate(&mut *robot, subject, self.crowd, episodes, Some(&file), |done| {
-            progress.get_or_insert_with(|| Progress::new(&label, episodes, done)).set(done, "");
-        })?;
+        let run =
+            self.protocol.evaluate(&mut *robot, subject, self.crowd, episodes, Some(&file), |done| {
+                progress.get_or_insert_with(|| Progress::new(&label, episodes, done)).set(done, "");
+            })?;
         if run.repaired.is_some() {
             note(&format!("{label}: repaired the torn last line of {}", file.display()));
         }

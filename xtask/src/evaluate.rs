@@ -113,7 +113,8 @@ pub(crate) fn evaluate(args: &EvaluateArgs) -> Result<Evaluation> {
         cells.push(run.result);
     }
     let n_agents = protocol.config().n_agents;
-    let evaluation = Evaluation { policy: driver.identity(), token: args.token, n_agents, cells };
+    let evaluation =
+        Evaluation { policy: driver.identity(), token: args.token, n_agents, cells, remark: driver.remark() };
     store(args, &evaluation, &timings)?;
     Ok(evaluation)
 }

@@ -27,6 +27,16 @@ impl Driver {
         }
     }
 
+    /// What has to be said of it in a report; `None` for a trained policy.
+    pub fn remark(&self) -> Option<String> {
+        match self {
+            Self::Trained(_) => None,
+            Self::Planner(planner) => {
+                Some(format!("{planner} is a planner, not learned: {}.", planner.description()))
+            }
+        }
+    }
+
     /// The policy's file, if there is one.
     pub fn trained(&self) -> Option<&LoadedPolicy> {
         match self {

@@ -5,8 +5,8 @@ mod common;
 use common::{brief, pools, seek, untrained};
 use jostle_eval::records::{Held, holds};
 use jostle_eval::{
-    CellRun, EpisodeOutcome, EvalConfig, EvalError, PerRow, PolicyIdentity, Pools, Protocol, Robot, Subject,
-    TrainedRobot,
+    CellRun, EpisodeOutcome, EvalConfig, EvalError, PerRow, PolicyIdentity, Pools, Protocol, Robot,
+    RobotPolicy as _, Subject, TrainedRobot,
 };
 use jostle_peds::CrowdKind;
 

@@ -91,7 +91,8 @@ pub(crate) fn run(args: &PlayArgs) -> Result<ExitCode> {
 /// No free port.
 pub(crate) fn serve_in_background() -> Result<SocketAddr> {
     let crowds = CrowdKind::built_in().filter(|crowd| !crowd.is_learned()).collect();
-    let stock = Stock { drivers: vec![Driver::planner(Planner::GoalSeeker)], pools: Pools::default(), crowds };
+    let stock =
+        Stock { drivers: vec![Driver::planner(Planner::GoalSeeker)], pools: Pools::default(), crowds };
     let first = Setup { crowd: CrowdKind::Sf, pedestrians: 4, policy: 0, token: 0, seed: 0 };
     let (listener, address) = listen(0)?;
     std::thread::spawn(move || Arc::new(Server::new(stock, first)).serve(&listener, address));

@@ -39,7 +39,12 @@ impl Driver {
     /// A planner.
     pub(crate) fn planner(planner: Planner) -> Self {
         let note = format!("not learned: {}", planner.description());
-        Self { name: planner.name().to_owned(), note, token: None, who: jostle_eval::Driver::Planner(planner) }
+        Self {
+            name: planner.name().to_owned(),
+            note,
+            token: None,
+            who: jostle_eval::Driver::Planner(planner),
+        }
     }
 
     /// The trained policy, if it is one.

@@ -303,8 +303,8 @@ mod tests {
     #[test]
     fn an_open_way_is_driven_at_full_speed() {
         assert_eq!(plan(&Scene::empty()), [1.0, 0.0]);
-        assert_eq!(plan(&Scene::empty().with_goal(0.0, 8.0))[1], 1.0, "left");
-        assert_eq!(plan(&Scene::empty().with_goal(0.0, -8.0))[1], -1.0, "right");
+        assert!(plan(&Scene::empty().with_goal(0.0, 8.0))[1] > 0.5, "left");
+        assert!(plan(&Scene::empty().with_goal(0.0, -8.0))[1] < -0.5, "right");
     }
 
     #[test]
@@ -344,15 +344,14 @@ mod tests {
 
     #[test]
     fn a_setting_out_of_range_is_named() {
-        let refused = |config: DwaConfig| {
-            Dwa::new(&SimConfig::default(), config).map(|_| ()).unwrap_err().to_string()
-        };
+        let refused =
+            |config: DwaConfig| Dwa::new(&SimConfig::default(), config).map(|_| ()).unwrap_err().to_string();
         let config = DwaConfig::default();
+        assert_eq!(refused(DwaConfig { speeds: 0, ..config.clone() }), "speeds: found 0, expected 1 to 1000");
         assert_eq!(
-            refused(DwaConfig { speeds: 0, ..config.clone() }),
-            "speeds: found 0, expected 1 to 1000"
+            refused(DwaConfig { wish: 0.0, ..config.clone() }),
+            "wish: found 0, expected above 0, to 100"
         );
-        assert_eq!(refused(DwaConfig { wish: 0.0, ..config.clone() }), "wish: found 0, expected above 0, to 100");
         assert_eq!(refused(DwaConfig { hit: f32::NAN, ..config }), "hit: found NaN, expected 0 to 100");
     }
 }

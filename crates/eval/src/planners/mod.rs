@@ -100,12 +100,7 @@ impl Planner {
     /// Raised whenever the planner may act otherwise on some row with the same settings: stored episodes are then not used again.
     fn version(self) -> u32 {
         match self {
-            Self::Straight
-            | Self::Brake
-            | Self::GoalSeeker
-            | Self::Dwa
-            | Self::Orca
-            | Self::SocialForce => 1,
+            Self::Straight | Self::Brake | Self::GoalSeeker | Self::Dwa | Self::Orca | Self::SocialForce => 1,
         }
     }
 

@@ -112,7 +112,12 @@ mod tests {
     fn plan(config: &OrcaRobotConfig, pedestrians: &[(Vec2, Vec2)]) -> [f32; 2] {
         let plan = RoomPlan::new(&EvalConfig::default(), CrowdKind::Vo).unwrap();
         let planner = OrcaRobot::new(&plan, config).unwrap();
-        let at = |position: Vec2, velocity: Vec2, goal: Vec2| Pedestrian { position, velocity, heading: 0.0, goal };
+        let at = |position: Vec2, velocity: Vec2, goal: Vec2| Pedestrian {
+            position,
+            velocity,
+            heading: 0.0,
+            goal,
+        };
         let pedestrians: Vec<Pedestrian> =
             pedestrians.iter().map(|(position, velocity)| at(*position, *velocity, Vec2::ZERO)).collect();
         let robot = at(Vec2::ZERO, Vec2::X, 8.0 * Vec2::X);

@@ -103,7 +103,12 @@ mod tests {
     fn plan(pedestrians: &[(Vec2, Vec2)]) -> [f32; 2] {
         let plan = RoomPlan::new(&EvalConfig::default(), CrowdKind::Sf).unwrap();
         let planner = SocialForceRobot::new(&plan, &SocialForceRobotConfig::default()).unwrap();
-        let at = |position: Vec2, velocity: Vec2, goal: Vec2| Pedestrian { position, velocity, heading: 0.0, goal };
+        let at = |position: Vec2, velocity: Vec2, goal: Vec2| Pedestrian {
+            position,
+            velocity,
+            heading: 0.0,
+            goal,
+        };
         let pedestrians: Vec<Pedestrian> =
             pedestrians.iter().map(|(position, velocity)| at(*position, *velocity, Vec2::ZERO)).collect();
         let robot = at(Vec2::ZERO, Vec2::X, 8.0 * Vec2::X);
@@ -123,7 +128,8 @@ mod tests {
         let plan = RoomPlan::new(&EvalConfig::default(), CrowdKind::Sf).unwrap();
         let planner = SocialForceRobot::new(&plan, &SocialForceRobotConfig::default()).unwrap();
         let act = |goal: Vec2| {
-            let body = |position: Vec2, goal: Vec2| Pedestrian { position, velocity: Vec2::Y, heading: 0.0, goal };
+            let body =
+                |position: Vec2, goal: Vec2| Pedestrian { position, velocity: Vec2::Y, heading: 0.0, goal };
             let (robot, other) = (body(Vec2::ZERO, 8.0 * Vec2::X), [body(Vec2::new(1.5, -1.0), goal)]);
             planner.plan(&RobotView { row: &[], robot, pedestrians: &other }, &mut Vec::new()).unwrap()
         };

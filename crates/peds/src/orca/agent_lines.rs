@@ -98,7 +98,8 @@ mod tests {
     fn discs_that_touch_separate_within_a_time_step() {
         // Collisions within 0.5 s: a disc of radius 2 around (2, 0). The relative velocity (0.8, 0.9) lies 1.5 from its centre,
         // so the way out is 0.5 along (−0.8, 0.6), of which each takes half.
-        let line = agent_line(&agent(Vec2::ZERO, Vec2::new(0.8, 0.9)), &body(Vec2::X, Vec2::ZERO), 0.5, 2.0, 0.5);
+        let line =
+            agent_line(&agent(Vec2::ZERO, Vec2::new(0.8, 0.9)), &body(Vec2::X, Vec2::ZERO), 0.5, 2.0, 0.5);
         assert!(line.direction.distance(Vec2::new(0.6, 0.8)) < 1e-6, "{line:?}");
         assert!(line.point.distance(Vec2::new(0.6, 1.05)) < 1e-6, "{line:?}");
     }
@@ -126,8 +127,13 @@ mod tests {
                 if across == 0.0 && turn != 0.0 {
                     continue; // Rounding decides.
                 }
-                let line =
-                    agent_line(&agent(Vec2::ONE, velocity), &body(Vec2::ONE + at, Vec2::ZERO), 0.5, 10.0, 0.5);
+                let line = agent_line(
+                    &agent(Vec2::ONE, velocity),
+                    &body(Vec2::ONE + at, Vec2::ZERO),
+                    0.5,
+                    10.0,
+                    0.5,
+                );
                 let leg = turned.rotate(Vec2::from_angle(side * std::f32::consts::FRAC_PI_6));
                 assert!(line.direction.distance(side * leg) < 1e-6, "{line:?}");
                 let foot = velocity.dot(leg) * leg;

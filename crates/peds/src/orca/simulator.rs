@@ -375,7 +375,12 @@ mod tests {
             nearest
         };
         let touch = 2.0 * PARAMETERS.radius;
-        assert!(nearest(1.0) > touch - 1e-3 && nearest(1.0) > nearest(0.5), "{} {}", nearest(0.5), nearest(1.0));
+        assert!(
+            nearest(1.0) > touch - 1e-3 && nearest(1.0) > nearest(0.5),
+            "{} {}",
+            nearest(0.5),
+            nearest(1.0)
+        );
         assert!(simulator(0.1).set_responsibility(1.1).is_err());
         assert!(simulator(0.1).set_responsibility(f32::NAN).is_err());
     }
