@@ -1,15 +1,14 @@
-//! One policy in one crowd, with progress on standard error and records that are used again.
+//! One driver in one crowd, with progress on standard error and records that are used again.
 
 use std::path::Path;
 use std::time::Instant;
 
 use anyhow::Result;
 use jostle_eval::crowds::check_observation;
-use jostle_eval::loaded::LoadedPolicy;
 use jostle_eval::protocol::{CellRun, Protocol, Subject};
 use jostle_eval::report::CellTiming;
-use jostle_eval::robot::TrainedRobot;
 use jostle_eval::room::RoomPlan;
+use jostle_eval::{Driver, Robot};
 use jostle_peds::CrowdKind;
 
 use crate::output::note;
@@ -18,7 +17,7 @@ use crate::progress::Progress;
 /// A cell of a table.
 pub(crate) struct Cell<'a> {
     pub(crate) protocol: &'a Protocol,
-    pub(crate) policy: &'a LoadedPolicy,
+    pub(crate) driver: &'a Driver,
     pub(crate) token: u32,
     pub(crate) crowd: CrowdKind,
 }
@@ -26,23 +25,27 @@ pub(crate) struct Cell<'a> {
 impl Cell<'_> {
     /// Refuses what would stop the cell, before anything is written.
     pub(crate) fn check(&self) -> Result<()> {
-        check_observation(self.protocol.config(), self.policy)?;
+        if let Some(policy) = self.driver.trained() {
+            check_observation(self.protocol.config(), policy)?;
+        }
         self.robot()?;
-        self.protocol.crowd(&RoomPlan::new(self.protocol.config(), self.crowd)?)?;
+        self.protocol.crowd(&self.plan()?)?;
         Ok(())
     }
 
     /// Runs the episodes that the folder's records do not hold yet. The timing is `None` where none was run.
     pub(crate) fn run(&self, episodes: u64, records: &Path) -> Result<(CellRun, Option<CellTiming>)> {
         let mut robot = self.robot()?;
-        let subject = Subject { identity: &self.policy.identity, token: self.token };
+        let identity = self.driver.identity();
+        let subject = Subject { identity: &identity, token: self.token };
         let file = records.join(self.protocol.key(subject, self.crowd).file_name());
-        let label = format!("{}, z = {}, {}", self.policy.identity.name, self.token, self.crowd);
+        let label = format!("{}, z = {}, {}", identity.name, self.token, self.crowd);
         let started = Instant::now();
         let mut progress = None;
-        let run = self.protocol.evaluate(&mut robot, subject, self.crowd, episodes, Some(&file), |done| {
-            progress.get_or_insert_with(|| Progress::new(&label, episodes, done)).set(done, "");
-        })?;
+        let run =
+            self.protocol.evaluate(&mut *robot, subject, self.crowd, episodes, Some(&file), |done| {
+                progress.get_or_insert_with(|| Progress::new(&label, episodes, done)).set(done, "");
+            })?;
         if run.repaired.is_some() {
             note(&format!("{label}: repaired the torn last line of {}", file.display()));
         }
@@ -59,7 +62,11 @@ impl Cell<'_> {
         Ok((run, Some(timing)))
     }
 
-    fn robot(&self) -> Result<TrainedRobot> {
-        Ok(TrainedRobot::new(self.policy, self.token, self.protocol.config().backend)?)
+    fn plan(&self) -> Result<RoomPlan> {
+        Ok(RoomPlan::new(self.protocol.config(), self.crowd)?)
+    }
+
+    fn robot(&self) -> Result<Box<dyn Robot>> {
+        Ok(self.driver.robot(self.token, &self.plan()?)?)
     }
 }

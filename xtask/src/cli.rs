@@ -32,7 +32,7 @@ pub(crate) enum Command {
     Train(train::TrainArgs),
     /// Train many runs by a plan: configurations times seeds, resumable, with one table of results.
     Sweep(sweep::SweepArgs),
-    /// Test a checkpoint among crowds that it never met.
+    /// Test a checkpoint or a planner among crowds that it never met.
     Evaluate(evaluate::EvaluateArgs),
     /// Print the paper's tables, figures and claims beside our own: from shipped policies, or trained from nothing.
     Reproduce(reproduce::ReproduceArgs),

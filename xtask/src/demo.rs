@@ -7,6 +7,7 @@ use std::time::Instant;
 
 use anyhow::Result;
 use clap::Args;
+use jostle_eval::Planner;
 use jostle_eval::crowds::Pools;
 use jostle_eval::protocol::Protocol;
 use jostle_peds::CrowdKind;
@@ -18,6 +19,8 @@ use crate::replay::{Wanted, Wish, config_of, record, write};
 
 /// Folders of shipped policies.
 const SHIPPED: [&str; 2] = ["checkpoints", "policies"];
+/// The planner that drives beside a policy.
+const PLANNER: Planner = Planner::Dwa;
 /// Episodes in each crowd.
 const EPISODES: usize = 10;
 
@@ -27,7 +30,8 @@ const EPISODES: usize = 10;
     after_help = "Examples:\n  cargo xtask demo\n  cargo xtask demo --policy runs/ours --out /tmp/demo --no-open"
 )]
 pub(crate) struct DemoArgs {
-    /// Checkpoint file or run folder (default: the first of those shipped in `checkpoints/`, else a hand-written one).
+    /// Checkpoint file, run folder or planner (default: the first of those shipped in `checkpoints/`); the planner dwa drives
+    /// beside it.
     #[arg(long, value_name = "POLICY")]
     policy: Option<PathBuf>,
     /// Folder for the page.
@@ -45,11 +49,13 @@ pub(crate) fn run(args: &DemoArgs) -> Result<ExitCode> {
     match args.policy.clone().or_else(|| shipped().into_iter().next()) {
         Some(path) => drivers.push(Driver::open(&path, 0)?),
         None => output::note(
-            "no trained policy is shipped with this checkout: the robot is driven by a hand-written goal-seeker; \
+            "no trained policy is shipped with this checkout: the robot is driven by a planner alone; \
              after `cargo xtask train`, show yours with --policy",
         ),
     }
-    drivers.push(Driver::goal_seeker());
+    if drivers.iter().all(|driver| driver.name != PLANNER.name()) {
+        drivers.push(Driver::planner(PLANNER));
+    }
     let protocol = Protocol::new(config_of(&drivers, None)?, Pools::default())?;
     let wish = Wish { wanted: Wanted::Any, episodes: EPISODES, search: 0 };
     let page = record(&protocol, &drivers, &[CrowdKind::Sf, CrowdKind::Vo], wish)?;

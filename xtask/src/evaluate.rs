@@ -1,4 +1,4 @@
-//! `cargo xtask evaluate`: a checkpoint among crowds that it never met.
+//! `cargo xtask evaluate`: a policy or a planner among crowds that it never met.
 
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
@@ -22,12 +22,14 @@ use crate::{maps, output, policies, threads};
 #[derive(Args)]
 #[command(after_help = "Examples:\n  cargo xtask evaluate runs/ours --crowds VO,SF --episodes 100\n  \
     cargo xtask evaluate runs/ours --crowds NH,IN,VA,SO --pool runs/pool --out results/ours\n  \
+    cargo xtask evaluate dwa --crowds VO,SF\n  \
     cargo xtask evaluate runs/ours/checkpoints/002500.safetensors --crowds SF --token 3\n  \
     cargo xtask evaluate runs/ours --crowds straight,stop-and-go,cross-play --pool runs/seed2 runs/seed3\n  \
     cargo xtask evaluate runs/ours --suite standard --crowds VO,SF --episodes 200")]
 pub(crate) struct EvaluateArgs {
-    /// Checkpoint file, or a run folder for its newest checkpoint.
-    checkpoint: PathBuf,
+    /// Checkpoint file, run folder for its newest checkpoint, or a planner that was not learned: straight, brake,
+    /// goal-seeker, dwa, orca, social-force.
+    policy: PathBuf,
     /// Crowds, separated by commas: NH, IN, VA, SO (these need --pool), VO, SF; to choose settings by, without spending the six:
     /// straight, stop-and-go, cross-play (the last with --pool).
     #[arg(long, value_delimiter = ',', value_name = "CROWDS", default_value = "NH,IN,VA,SO,VO,SF")]
@@ -47,7 +49,7 @@ pub(crate) struct EvaluateArgs {
     /// Behaviour token of the robot.
     #[arg(long, value_name = "Z", default_value_t = 0)]
     token: u32,
-    /// Agents in a room, the robot among them (default: as in training).
+    /// Agents in a room, the robot among them (default: as in training, for a planner 5).
     #[arg(long, value_name = "N", conflicts_with = "suite")]
     agents: Option<usize>,
     /// Seed of starts, goals and noise.
@@ -76,12 +78,12 @@ pub(crate) fn run(args: &EvaluateArgs) -> Result<ExitCode> {
 /// Tests on the scenes of a suite and prints the result.
 fn run_suite(args: &EvaluateArgs, name: &str) -> Result<ExitCode> {
     let crowds = args.crowds()?;
-    let policy = policies::load(&policies::checkpoint(&args.checkpoint)?)?;
-    let trained_with = policy.file.provenance.n_agents as usize;
-    let base = args.protocol(policy.sim_config()?, trained_with, &crowds)?;
+    let driver = policies::driver(&args.policy)?;
+    let EvalConfig { sim, n_agents, .. } = driver.config()?;
+    let base = args.protocol(sim, n_agents, &crowds)?;
     let asked = Asked {
         suite: suite::open(name)?,
-        policy: &policy,
+        driver: &driver,
         token: args.token,
         crowds: &crowds,
         episodes: args.episodes,
@@ -94,10 +96,10 @@ fn run_suite(args: &EvaluateArgs, name: &str) -> Result<ExitCode> {
 /// Tests as the arguments say, on the threads that there are, and writes records and reports.
 pub(crate) fn evaluate(args: &EvaluateArgs) -> Result<Evaluation> {
     let crowds = args.crowds()?;
-    let policy = policies::load(&policies::checkpoint(&args.checkpoint)?)?;
-    let trained_with = policy.file.provenance.n_agents as usize;
-    let protocol = args.protocol(policy.sim_config()?, trained_with, &crowds)?;
-    let cell = |crowd| Cell { protocol: &protocol, policy: &policy, token: args.token, crowd };
+    let driver = policies::driver(&args.policy)?;
+    let EvalConfig { sim, n_agents, .. } = driver.config()?;
+    let protocol = args.protocol(sim, n_agents, &crowds)?;
+    let cell = |crowd| Cell { protocol: &protocol, driver: &driver, token: args.token, crowd };
     for &crowd in &crowds {
         cell(crowd).check()?;
     }
@@ -111,7 +113,8 @@ pub(crate) fn evaluate(args: &EvaluateArgs) -> Result<Evaluation> {
         cells.push(run.result);
     }
     let n_agents = protocol.config().n_agents;
-    let evaluation = Evaluation { policy: policy.identity.clone(), token: args.token, n_agents, cells };
+    let evaluation =
+        Evaluation { policy: driver.identity(), token: args.token, n_agents, cells, remark: driver.remark() };
     store(args, &evaluation, &timings)?;
     Ok(evaluation)
 }

@@ -3,12 +3,17 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use jostle_eval::{LoadedPolicy, Pools};
+use jostle_eval::{Driver, LoadedPolicy, Pools};
 use jostle_peds::CrowdKind;
 
 /// The checkpoint that a path means: the file itself, or a run's newest.
 pub(crate) fn checkpoint(path: &Path) -> Result<PathBuf> {
     Ok(jostle_runs::policies::checkpoint(path)?)
+}
+
+/// Who drives the robot: a planner by its name, or the checkpoint that a path means.
+pub(crate) fn driver(path: &Path) -> Result<Driver> {
+    Ok(jostle_runs::policies::driver(path)?)
 }
 
 /// Reads a checkpoint; a run's is called by its folder.

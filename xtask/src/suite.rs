@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
+use jostle_eval::Driver;
 use jostle_eval::config::EvalConfig;
 use jostle_eval::crowds::Pools;
-use jostle_eval::loaded::LoadedPolicy;
 use jostle_eval::protocol::Protocol;
 use jostle_eval::report::{CellTiming, SceneResult, SuiteReport, timings_csv};
 use jostle_eval::suite::Suite;
@@ -18,7 +18,7 @@ use crate::run_folder::write_atomically;
 /// What is tested, and how long.
 pub(crate) struct Asked<'a> {
     pub(crate) suite: Suite,
-    pub(crate) policy: &'a LoadedPolicy,
+    pub(crate) driver: &'a Driver,
     pub(crate) token: u32,
     pub(crate) crowds: &'a [CrowdKind],
     pub(crate) episodes: u64,
@@ -64,14 +64,14 @@ pub(crate) fn run(asked: &Asked<'_>, base: &EvalConfig, pools: &Pools) -> Result
         let n_agents = protocol.config().n_agents;
         scenes.push(SceneResult { scene: scene.name.clone(), about: scene.about.clone(), n_agents, cells });
     }
-    let (name, identity) = (asked.suite.name.clone(), asked.policy.identity.clone());
+    let (name, identity) = (asked.suite.name.clone(), asked.driver.identity());
     let report = SuiteReport::new(name, identity, asked.token, base.seed, asked.episodes, scenes);
     store(asked.out, &report, &timings)?;
     output::result(&report.text())
 }
 
 fn cell<'a>(asked: &Asked<'a>, protocol: &'a Protocol, crowd: CrowdKind) -> Cell<'a> {
-    Cell { protocol, policy: asked.policy, token: asked.token, crowd }
+    Cell { protocol, driver: asked.driver, token: asked.token, crowd }
 }
 
 /// Writes the report beside its records.

@@ -94,6 +94,33 @@ fn episodes_are_searched_by_their_end() {
 }
 
 #[test]
+fn planners_are_named_where_policies_are() {
+    let folder = tempfile::tempdir().unwrap();
+    let (out, page) = (folder.path().join("records"), folder.path().join("page"));
+    let evaluate = ["evaluate", "brake", "--crowds", "straight", "--episodes", "4", "--out", text(&out)];
+    let printed = accepted(&evaluate);
+    assert!(printed.starts_with("brake (sha256 ") && printed.contains("N = 5"), "{printed}");
+    assert!(printed.contains("brake is a planner"), "{printed}");
+    let report = fs::read(out.join("brake-z0.json")).unwrap();
+    // Records are found again by the planner's identity.
+    let again = common::xtask(&evaluate);
+    assert!(!String::from_utf8_lossy(&again.stderr).contains("episodes"), "run twice");
+    assert!(fs::read(out.join("brake-z0.json")).unwrap() == report && out.join("records").is_dir());
+    let crowds = ["--crowds", "VO", "--episodes", "2", "--out", text(&out)];
+    assert!(accepted(&[&["evaluate", "orca"], &crowds[..]].concat()).contains("knows everyone's position"));
+    accepted(&["replay", "dwa", "--against", "social-force", "--episodes", "2", "--out", text(&page)]);
+    let data = data_of(&fs::read_to_string(page.join("index.html")).unwrap());
+    assert_eq!(
+        (&data["policies"][0]["name"], &data["policies"][1]["name"]),
+        (&"dwa".into(), &"social-force".into())
+    );
+    refused(&["evaluate", "dwx"], &["dwx", "did you mean dwa?"]);
+    refused(&["replay", "social_force"], &["social_force", "did you mean social-force?"]);
+    refused(&["evaluate", "dwa", "--token", "1", "--crowds", "VO"], &["token: found 1", "dwa"]);
+    refused(&["replay", "dwa", "--token", "1"], &["token: found 1", "dwa"]);
+}
+
+#[test]
 fn learned_crowds_ask_for_their_pool() {
     refused(&["replay", "goal-seeker", "--crowd", "IN"], &["IN", "--pool", "SF"]);
     refused(&["replay", "goal-seeker", "--episodes", "0"], &["--episodes"]);

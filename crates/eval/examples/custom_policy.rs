@@ -25,7 +25,7 @@ fn main() -> Result<(), EvalError> {
         let run = protocol.evaluate(&mut PerRow::new(act), subject, crowd, 1000, None, |_| ())?;
         cells.push(run.result);
     }
-    let evaluation = Evaluation { policy: identity, token: 0, n_agents: 5, cells };
+    let evaluation = Evaluation { policy: identity, token: 0, n_agents: 5, cells, remark: None };
     print!("{}", evaluation.text());
     Ok(())
 }

@@ -43,6 +43,22 @@ pub enum EvalError {
         /// What is wrong with it.
         problem: String,
     },
+    /// No planner has this name.
+    #[error("planner: found {name}, expected straight, brake, goal-seeker, dwa, orca or social-force{hint}")]
+    UnknownPlanner {
+        /// What was asked for.
+        name: String,
+        /// The names most like it, as the end of a message.
+        hint: String,
+    },
+    /// A planner that knows positions was asked to drive by rows.
+    #[error(
+        "planner {planner}: found observation rows, expected everyone's position, which a row does not tell; it drives in a test by its name"
+    )]
+    KnowsPositions {
+        /// Its name.
+        planner: &'static str,
+    },
     /// A line of a record file is not a record.
     #[error("{}: line {line}: {problem}", file.display())]
     Record {

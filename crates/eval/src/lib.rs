@@ -1,6 +1,6 @@
 //! The six unseen crowds, paired episodes, metrics, intervals and reports (paper, section "Experiments").
 //!
-//! Reading order: [`protocol`] (a policy in a crowd), [`config`], [`crowds`], [`robot`] (who is tested), [`lock_step`] and
+//! Reading order: [`protocol`] (a policy in a crowd), [`config`], [`crowds`], [`robot`], [`planners`] and [`driver`] (who is tested), [`lock_step`] and
 //! [`room`] (how episodes run), [`scene`] and [`suite`] (harder places); [`outcome`], [`metrics`], [`statistics`] (what is measured), [`diversity`] (the metric D);
 //! [`cell`], [`records`] and [`compact`] (what is kept), [`claims`] (what the paper says, tested), [`replay`] (episodes step by step), [`paper`] (its tables as data), [`report`] (what is printed).
 //!
@@ -15,6 +15,7 @@ pub mod compact;
 pub mod config;
 pub mod crowds;
 pub mod diversity;
+pub mod driver;
 pub mod error;
 pub mod identity;
 pub mod loaded;
@@ -22,6 +23,7 @@ pub mod lock_step;
 pub mod metrics;
 pub mod outcome;
 pub mod paper;
+pub mod planners;
 pub mod protocol;
 pub mod records;
 pub mod replay;
@@ -35,9 +37,11 @@ pub mod suite;
 
 pub use config::{EvalConfig, PedestrianCrash};
 pub use crowds::Pools;
+pub use driver::Driver;
 pub use error::EvalError;
 pub use identity::PolicyIdentity;
 pub use loaded::LoadedPolicy;
 pub use outcome::EpisodeOutcome;
+pub use planners::Planner;
 pub use protocol::{CellRun, Protocol, Subject};
-pub use robot::{PerRow, RobotPolicy, TrainedRobot};
+pub use robot::{PerRow, Robot, RobotPolicy, RobotView, TrainedRobot};

@@ -12,7 +12,7 @@ use jostle_sim::Laser;
 use rayon::prelude::*;
 
 use crate::error::EvalError;
-use crate::robot::RobotPolicy;
+use crate::robot::Robot;
 use crate::room::{EvalRoom, FinishedEpisode, RoomPlan};
 
 /// Runs the episodes of a range and hands each on, in order, as soon as all before it have ended.
@@ -22,7 +22,7 @@ use crate::room::{EvalRoom, FinishedEpisode, RoomPlan};
 /// What a room, the crowd or `finished` refuses; episodes handed on until then stand.
 pub fn run_episodes(
     plan: &RoomPlan,
-    robot: &mut dyn RobotPolicy,
+    robot: &mut dyn Robot,
     crowd: &mut dyn Crowd,
     episodes: Range<u64>,
     mut finished: impl FnMut(FinishedEpisode) -> Result<(), EvalError>,
@@ -66,15 +66,15 @@ impl Buffers {
     pub(crate) fn step(
         &mut self,
         plan: &RoomPlan,
-        robot: &mut dyn RobotPolicy,
+        robot: &mut dyn Robot,
         crowd: &mut dyn Crowd,
         rooms: &mut Vec<EvalRoom>,
         watch: &mut dyn FnMut(&EvalRoom),
     ) -> Result<Vec<FinishedEpisode>, EvalError> {
         self.actions.clear();
         self.actions.resize(rooms.len(), [0.0; 2]);
-        let mut rows = rooms.iter().map(EvalRoom::robot_observation);
-        robot.act_rows(&mut rows, &mut self.observations, &mut self.actions);
+        let mut views = rooms.iter().map(EvalRoom::robot_view);
+        robot.drive(&mut views, &mut self.observations, &mut self.actions)?;
         self.walks.decide(plan, crowd, rooms)?;
         let (actions, walks) = (&self.actions, &self.walks);
         let results: Vec<Option<FinishedEpisode>> = rooms

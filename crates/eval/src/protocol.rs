@@ -15,7 +15,7 @@ use crate::identity::{PolicyIdentity, hex_sha256, short};
 use crate::lock_step::run_episodes;
 use crate::records::{EpisodeRecord, RecordWriter, TornTail};
 use crate::report::CellResult;
-use crate::robot::RobotPolicy;
+use crate::robot::Robot;
 use crate::room::{FinishedEpisode, RoomPlan, metric_scale};
 
 /// Who is tested, and with which token.
@@ -113,7 +113,7 @@ impl Protocol {
     /// No episode asked for; what the crowd, a room or the file refuses.
     pub fn evaluate(
         &self,
-        robot: &mut dyn RobotPolicy,
+        robot: &mut dyn Robot,
         subject: Subject<'_>,
         crowd: CrowdKind,
         episodes: u64,
@@ -137,7 +137,7 @@ impl Protocol {
     /// As [`Self::evaluate`]; a crowd with a built-in one's name, whose records would be taken for its own.
     pub fn evaluate_among(
         &self,
-        robot: &mut dyn RobotPolicy,
+        robot: &mut dyn Robot,
         subject: Subject<'_>,
         crowd: &mut dyn Crowd,
         episodes: u64,
@@ -156,7 +156,7 @@ impl Protocol {
     fn run(
         &self,
         cell: Cell<'_>,
-        robot: &mut dyn RobotPolicy,
+        robot: &mut dyn Robot,
         episodes: u64,
         mut progress: impl FnMut(u64),
     ) -> Result<CellRun, EvalError> {

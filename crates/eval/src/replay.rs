@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use crate::error::EvalError;
 use crate::lock_step::Buffers;
-use crate::robot::RobotPolicy;
+use crate::robot::Robot;
 use crate::room::{EvalRoom, FinishedEpisode, RoomPlan};
 
 /// The steps of an episode.
@@ -63,7 +63,7 @@ pub fn beam_stride(total: usize, beams: usize) -> usize {
 /// As [`run_episodes`](crate::lock_step::run_episodes).
 pub fn trace_episodes(
     plan: &RoomPlan,
-    robot: &mut dyn RobotPolicy,
+    robot: &mut dyn Robot,
     crowd: &mut dyn Crowd,
     episodes: &[u64],
     beams: usize,

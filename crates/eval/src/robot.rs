@@ -1,11 +1,56 @@
-//! Who drives the robot: a trained policy, or any function of the observation.
+//! Who drives the robot: a trained policy, any function of the observation, or one who knows where everyone is.
+//!
+//! Every [`RobotPolicy`] is a [`Robot`]. What reads more than the observation row implements [`Robot`] itself.
 
+use jostle_peds::Pedestrian;
 use jostle_policy::{Backend, Batch, Network, actor};
 
 use crate::error::EvalError;
 use crate::loaded::LoadedPolicy;
 
-/// A policy for the robot.
+/// What there is to be known of a room at one step.
+#[derive(Clone, Copy, Debug)]
+pub struct RobotView<'a> {
+    /// The robot's observation row: all that a policy may read.
+    pub row: &'a [f32],
+    /// The robot with its goal, in the world's frame: ground truth.
+    pub robot: Pedestrian,
+    /// The pedestrians, in the world's frame: ground truth.
+    pub pedestrians: &'a [Pedestrian],
+}
+
+/// Views of rooms, one after the other.
+pub type Views<'r, 'v> = &'r mut dyn Iterator<Item = RobotView<'v>>;
+
+/// Who drives the robots of many rooms.
+pub trait Robot: Send {
+    /// Answers one action (v, ω) for each room. An action must be a function of its own room's view. `memory` is for
+    /// gathering rows.
+    ///
+    /// # Errors
+    ///
+    /// A view that the robot cannot work with.
+    fn drive(
+        &mut self,
+        rooms: Views<'_, '_>,
+        memory: &mut Vec<f32>,
+        actions: &mut [[f32; 2]],
+    ) -> Result<(), EvalError>;
+}
+
+impl<P: RobotPolicy + ?Sized> Robot for P {
+    fn drive(
+        &mut self,
+        rooms: Views<'_, '_>,
+        memory: &mut Vec<f32>,
+        actions: &mut [[f32; 2]],
+    ) -> Result<(), EvalError> {
+        self.act_rows(&mut rooms.map(|room| room.row), memory, actions);
+        Ok(())
+    }
+}
+
+/// A policy for the robot: a function of the observation row.
 ///
 /// Rows of one call belong to different episodes, and which ones stand side by side depends on the lock step: the action
 /// of a row must be a function of that row alone.
@@ -35,6 +80,16 @@ pub trait RobotPolicy: Send {
         memory.clear();
         rows.for_each(|row| memory.extend_from_slice(row));
         self.act(memory, actions);
+    }
+}
+
+impl<P: RobotPolicy + ?Sized> RobotPolicy for Box<P> {
+    fn act(&mut self, observations: &[f32], actions: &mut [[f32; 2]]) {
+        (**self).act(observations, actions);
+    }
+
+    fn act_rows(&mut self, rows: Rows<'_, '_>, memory: &mut Vec<f32>, actions: &mut [[f32; 2]]) {
+        (**self).act_rows(rows, memory, actions);
     }
 }
 

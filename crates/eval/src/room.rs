@@ -21,6 +21,7 @@ use crate::config::{EvalConfig, PedestrianCrash};
 use crate::error::EvalError;
 use crate::metrics::{EpisodeMetrics, MetricScale, distance};
 use crate::outcome::EpisodeOutcome;
+use crate::robot::RobotView;
 
 /// The robot's index among the bodies.
 const ROBOT: usize = 0;
@@ -303,6 +304,11 @@ impl EvalRoom {
     /// Distance from the robot's outline to the nearest pedestrian, obstacle or wall, m; 0 where it touches one.
     pub fn robot_clearance(&self) -> f32 {
         self.world.body_clearance(ROBOT)
+    }
+
+    /// What there is to be known for whoever drives the robot.
+    pub fn robot_view(&self) -> RobotView<'_> {
+        RobotView { row: self.robot_observation(), robot: self.robot(), pedestrians: &self.pedestrians }
     }
 
     /// What the crowd may know; `others` holds the robot where the visibility matrix lets it be seen, else nothing.

@@ -5,12 +5,12 @@ mod common;
 use common::{brief, pools, seek, untrained};
 use jostle_eval::records::{Held, holds};
 use jostle_eval::{
-    CellRun, EpisodeOutcome, EvalConfig, EvalError, PerRow, PolicyIdentity, Pools, Protocol, RobotPolicy,
-    Subject, TrainedRobot,
+    CellRun, EpisodeOutcome, EvalConfig, EvalError, PerRow, PolicyIdentity, Pools, Protocol, Robot,
+    RobotPolicy as _, Subject, TrainedRobot,
 };
 use jostle_peds::CrowdKind;
 
-fn run(config: &EvalConfig, robot: &mut dyn RobotPolicy, crowd: CrowdKind, episodes: u64) -> CellRun {
+fn run(config: &EvalConfig, robot: &mut dyn Robot, crowd: CrowdKind, episodes: u64) -> CellRun {
     let protocol = Protocol::new(config.clone(), pools()).unwrap();
     let identity = PolicyIdentity::custom("test", "1");
     let subject = Subject { identity: &identity, token: 0 };

@@ -74,7 +74,8 @@ fn an_average_needs_all_six_crowds() {
 #[test]
 fn an_evaluation_has_a_row_for_each_crowd() {
     let row = filled().rows.swap_remove(0);
-    let evaluation = Evaluation { policy: row.policy.unwrap(), token: 0, n_agents: 5, cells: row.cells };
+    let evaluation =
+        Evaluation { policy: row.policy.unwrap(), token: 0, n_agents: 5, cells: row.cells, remark: None };
     assert!(evaluation.text().contains("NH: pedestrians driven by untrained-1 (sha256"));
     assert_eq!(evaluation.csv().lines().count(), 3);
     assert!(evaluation.markdown().contains("| VO | 4 |"));

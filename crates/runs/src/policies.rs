@@ -1,8 +1,8 @@
-//! Where policies are found: a checkpoint file, a run folder, or a folder of either.
+//! Where policies are found: a checkpoint file, a run folder, or a folder of either; and who else can drive the robot.
 
 use std::path::{Path, PathBuf};
 
-use jostle_eval::{LoadedPolicy, Pools};
+use jostle_eval::{Driver, LoadedPolicy, Planner, Pools};
 use jostle_peds::CrowdKind;
 use jostle_policy::{nearest, offer};
 
@@ -38,6 +38,21 @@ pub fn checkpoint_or(path: &Path, expected: &'static str, names: &[&str]) -> Res
         return Err(RunsError::Missing { path: path.to_owned(), expected, hint: hint(path, names) });
     }
     Ok(path.to_owned())
+}
+
+/// Who drives the robot: a planner by its name, or the checkpoint that a path means. `dwa` is the planner whatever lies here,
+/// `./dwa` a path.
+///
+/// # Errors
+///
+/// As [`checkpoint_or`] and [`load`].
+pub fn driver(path: &Path) -> Result<Driver, RunsError> {
+    let names = Planner::ALL.map(Planner::name);
+    if let Some(planner) = Planner::ALL.into_iter().find(|planner| path.as_os_str() == planner.name()) {
+        return Ok(Driver::Planner(planner));
+    }
+    let expected = "a checkpoint file, a run folder or a planner's name";
+    Ok(Driver::Trained(Box::new(load(&checkpoint_or(path, expected, &names)?)?)))
 }
 
 /// Reads a checkpoint; a run's is called by its folder, as the file's own name is only a count of updates.
@@ -245,5 +260,17 @@ mod tests {
         assert_eq!(message("nothing.safetensors"), missing("nothing.safetensors", ""));
         let bare = line(checkpoint_or(Path::new("dwaa"), "a robot", &["orca", "dwa"]));
         assert_eq!(bare, "dwaa: found no such file or folder, expected a robot; did you mean dwa?");
+    }
+
+    #[test]
+    fn a_planner_is_named_by_its_name_alone() {
+        let named = |name: &str| driver(Path::new(name));
+        for planner in Planner::ALL {
+            assert!(matches!(named(planner.name()).unwrap(), Driver::Planner(found) if found == planner));
+        }
+        let expected = "dwx: found no such file or folder, expected a checkpoint file, a run folder or a planner's name; \
+                        did you mean dwa?";
+        assert_eq!(line(named("dwx")), expected);
+        assert!(line(named("./dwa")).starts_with("./dwa: found no such file or folder"));
     }
 }

@@ -10,7 +10,7 @@ use super::devtools::websocket;
 use super::tab::Tab;
 use crate::play;
 
-/// Serves the page with the hand-written driver; its address.
+/// Serves the page with the goal-seeker; its address.
 pub(super) fn serve() -> Result<String> {
     let address = play::serve_in_background()?;
     Ok(format!("http://{address}/"))

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Result, ensure};
+use jostle_eval::Planner;
 use jostle_eval::config::EvalConfig;
 use jostle_eval::crowds::Pools;
 use jostle_eval::protocol::Protocol;
@@ -12,12 +13,12 @@ use super::tab::Tab;
 use crate::replay::driver::Driver;
 use crate::replay::{Wanted, Wish, record, write as write_page};
 
-/// Episodes in each crowd: among so many, the hand-written driver ends in more than one way.
+/// Episodes in each crowd: among so many, the goal-seeker ends in more than one way.
 const EPISODES: usize = 12;
 
 /// Writes a page with two drivers and two crowds; its address.
 pub(super) fn write(folder: &Path) -> Result<String> {
-    let drivers = [Driver::goal_seeker(), Driver::goal_seeker()];
+    let drivers = [Driver::planner(Planner::GoalSeeker), Driver::planner(Planner::GoalSeeker)];
     let protocol = Protocol::new(EvalConfig::default(), Pools::default())?;
     let wish = Wish { wanted: Wanted::Any, episodes: EPISODES, search: 0 };
     let page = record(&protocol, &drivers, &[CrowdKind::Sf, CrowdKind::Vo], wish)?;

@@ -21,6 +21,7 @@ use std::sync::Arc;
 
 use anyhow::Result;
 use clap::Args;
+use jostle_eval::Planner;
 use jostle_eval::crowds::Pools;
 use jostle_peds::CrowdKind;
 
@@ -37,8 +38,8 @@ use crate::{demo, output, policies};
     cargo xtask play runs/ours --pool runs/pool --crowd IN --port 8080\n\nCtrl-C ends it."
 )]
 pub(crate) struct PlayArgs {
-    /// Checkpoint files or run folders to choose from (default: the shipped ones). The hand-written `goal-seeker` is
-    /// always among them.
+    /// Checkpoint files, run folders or planners to choose from (default: the shipped ones). Planners that are not named come
+    /// last.
     policy: Vec<PathBuf>,
     /// Crowd at the start: SF, VO, straight, stop-and-go; with --pool also NH, IN, VA, SO, cross-play.
     #[arg(long, default_value = "SF")]
@@ -84,13 +85,14 @@ pub(crate) fn run(args: &PlayArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Serves the hand-written driver on a free port for as long as the process lives.
+/// Serves a planner on a free port for as long as the process lives.
 ///
 /// # Errors
 /// No free port.
 pub(crate) fn serve_in_background() -> Result<SocketAddr> {
     let crowds = CrowdKind::built_in().filter(|crowd| !crowd.is_learned()).collect();
-    let stock = Stock { drivers: vec![Driver::goal_seeker()], pools: Pools::default(), crowds };
+    let stock =
+        Stock { drivers: vec![Driver::planner(Planner::GoalSeeker)], pools: Pools::default(), crowds };
     let first = Setup { crowd: CrowdKind::Sf, pedestrians: 4, policy: 0, token: 0, seed: 0 };
     let (listener, address) = listen(0)?;
     std::thread::spawn(move || Arc::new(Server::new(stock, first)).serve(&listener, address));
@@ -101,8 +103,10 @@ pub(crate) fn serve_in_background() -> Result<SocketAddr> {
 fn stock(args: &PlayArgs) -> Result<Stock> {
     let paths = if args.policy.is_empty() { demo::shipped() } else { args.policy.clone() };
     let mut drivers = paths.iter().map(|path| Driver::open(path, 0)).collect::<Result<Vec<_>>>()?;
-    if drivers.iter().all(|driver| driver.policy.is_some()) {
-        drivers.push(Driver::goal_seeker());
+    for planner in Planner::ALL {
+        if drivers.iter().all(|driver| driver.name != planner.name()) {
+            drivers.push(Driver::planner(planner));
+        }
     }
     let pools = if args.pool.is_empty() { Pools::default() } else { learned(args)? };
     let has = |crowd: &CrowdKind| !crowd.is_learned() || !pools.of(*crowd, 1).is_empty();

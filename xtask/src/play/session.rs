@@ -8,7 +8,7 @@ use jostle_eval::crowds::{Pools, make_crowd};
 use jostle_eval::replay::beam_stride;
 use jostle_eval::room::{EvalRoom, RoomPlan};
 use jostle_eval::site::polygons;
-use jostle_eval::{EpisodeOutcome, RobotPolicy};
+use jostle_eval::{EpisodeOutcome, Robot};
 use jostle_peds::{Crowd, CrowdKind, Motion, Pedestrian};
 use jostle_sim::{Laser, Pose, Shape};
 
@@ -35,7 +35,7 @@ pub(crate) struct Stock {
 impl Stock {
     /// The policies as they are offered.
     pub(crate) fn policies(&self) -> Vec<PolicyChoice> {
-        let tokens = |driver: &Driver| driver.policy.as_ref().map_or(0, |p| p.file.network.n_behaviours);
+        let tokens = |driver: &Driver| driver.policy().map_or(0, |p| p.file.network.n_behaviours);
         let choice = |driver: &Driver| PolicyChoice {
             name: driver.name.clone(),
             note: driver.note.clone(),
@@ -53,7 +53,9 @@ pub(crate) struct Session<'a> {
     scene: Scene,
     laser: Laser,
     crowd: Box<dyn Crowd>,
-    robot: Box<dyn RobotPolicy>,
+    robot: Box<dyn Robot>,
+    /// The robot's, kept from step to step.
+    memory: Vec<f32>,
     room: EvalRoom,
     episode: u64,
     /// Steps since the episode began.
@@ -93,7 +95,7 @@ impl<'a> Session<'a> {
         };
         let plan = RoomPlan::new(&config, setup.crowd)?;
         let laser = Laser::new(&config.sim.laser)?;
-        let robot = driver.robot_with(setup.token, &config)?;
+        let robot = driver.robot_with(setup.token, &plan)?;
         Ok(Self {
             scene: Scene::new(&config, &polygons(&plan.scenario))?,
             crowd: crowd_of(stock, &plan)?,
@@ -103,6 +105,7 @@ impl<'a> Session<'a> {
             plan,
             laser,
             robot,
+            memory: Vec::new(),
             episode,
             step: 0,
             outcome: None,
@@ -118,7 +121,8 @@ impl<'a> Session<'a> {
             return Ok(());
         }
         let mut action = [[0.0; 2]];
-        self.robot.act(self.room.robot_observation(), &mut action);
+        let mut view = std::iter::once(self.room.robot_view());
+        self.robot.drive(&mut view, &mut self.memory, &mut action)?;
         let robot = self.room.robot();
         let others = if self.plan.visibility.robot { std::slice::from_ref(&robot) } else { &[] };
         let mut walks = vec![Motion::STILL; self.plan.config.n_pedestrians()];
@@ -179,8 +183,13 @@ impl<'a> Session<'a> {
         let disc = Shape::Circle { radius: OBSTACLE };
         self.room.add_obstacle(&mut self.plan, disc, Pose::new(position, 0.0))?;
         self.crowd = crowd_of(self.stock, &self.plan)?;
+        self.robot = self.driver().robot_with(self.setup.token, &self.plan)?;
         self.scene = Scene::new(&self.plan.config, &polygons(&self.plan.scenario))?;
         Ok(())
+    }
+
+    fn driver(&self) -> &'a Driver {
+        &self.stock.drivers[self.setup.policy]
     }
 
     fn check_running(&self) -> Result<()> {
@@ -194,7 +203,7 @@ impl<'a> Session<'a> {
             scene: &self.scene,
             setup: &self.setup,
             episode: self.episode,
-            policy: &self.stock.drivers[self.setup.policy].name,
+            policy: &self.driver().name,
             learned: self.setup.crowd.is_learned(),
         }
     }
@@ -228,11 +237,13 @@ fn crowd_of(stock: &Stock, plan: &RoomPlan) -> Result<Box<dyn Crowd>> {
 
 #[cfg(test)]
 mod tests {
+    use jostle_eval::Planner;
+
     use super::*;
 
     fn stock() -> Stock {
         Stock {
-            drivers: vec![Driver::goal_seeker()],
+            drivers: vec![Driver::planner(Planner::GoalSeeker)],
             pools: Pools::default(),
             crowds: vec![CrowdKind::Vo, CrowdKind::Sf],
         }

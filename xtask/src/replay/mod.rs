@@ -36,9 +36,9 @@ const CHUNK: u64 = 32;
 #[command(after_help = "Examples:\n  cargo xtask replay runs/ours --crowd SF --episodes 20\n  \
     cargo xtask replay runs/ours --against runs/baseline --crowd SF,VO --out runs/replay\n  \
     cargo xtask replay runs/ours --crowd IN --pool runs/pool --outcome collision --episodes 20\n  \
-    cargo xtask replay goal-seeker --crowd VO --agents 10")]
+    cargo xtask replay dwa --crowd VO --agents 10")]
 pub(crate) struct ReplayArgs {
-    /// Checkpoint file, run folder, or `goal-seeker` for the hand-written policy.
+    /// Checkpoint file, run folder, or a planner: straight, brake, goal-seeker, dwa.
     policy: PathBuf,
     /// Another policy on the same episodes, side by side.
     #[arg(long, value_name = "POLICY")]
@@ -138,11 +138,11 @@ pub(crate) fn run(args: &ReplayArgs) -> Result<ExitCode> {
 /// Two policies that read different observations.
 pub(crate) fn config_of(drivers: &[Driver], agents: Option<usize>) -> Result<EvalConfig> {
     let mut config = EvalConfig::default();
-    if let Some(policy) = drivers.iter().find_map(|driver| driver.policy.as_ref()) {
+    if let Some(policy) = drivers.iter().find_map(|driver| driver.policy()) {
         config.sim = policy.sim_config()?;
         config.n_agents = policy.file.provenance.n_agents as usize;
     }
-    for policy in drivers.iter().filter_map(|driver| driver.policy.as_ref()) {
+    for policy in drivers.iter().filter_map(|driver| driver.policy()) {
         check_observation(&config, policy)?;
     }
     config.n_agents = agents.unwrap_or(config.n_agents);
@@ -206,7 +206,7 @@ fn trace(
     driver: &Driver,
     episodes: &[u64],
 ) -> Result<Vec<EpisodeTrace>> {
-    let mut robot = driver.robot(protocol.config())?;
+    let mut robot = driver.robot(plan)?;
     let mut crowd = protocol.crowd(plan)?;
     Ok(trace_episodes(plan, &mut *robot, &mut *crowd, episodes, BEAMS)?)
 }

@@ -22,6 +22,9 @@ pub struct Evaluation {
     pub n_agents: usize,
     /// A result per crowd.
     pub cells: Vec<CellResult>,
+    /// What has to be said of the robot, such as that it knows what a laser does not tell.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub remark: Option<String>,
 }
 
 impl Evaluation {
@@ -127,11 +130,12 @@ impl Evaluation {
     }
 
     fn notes(&self) -> Vec<String> {
-        let mut notes = vec![
+        let mut notes: Vec<String> = self.remark.iter().cloned().collect();
+        notes.push(
             "Shares of the episodes with 95 % Wilson intervals; times, distances and speeds are means ± sample \
              standard deviations over the successes."
                 .to_owned(),
-        ];
+        );
         for cell in &self.cells {
             let label = cell.crowd.to_string();
             if cell.crowd.is_for_validation() {

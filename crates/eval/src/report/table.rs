@@ -302,14 +302,18 @@ pub(super) fn seen_in_training(policy: &PolicyIdentity, cell: &CellResult) -> Op
 /// A policy's provenance in one line.
 pub(super) fn provenance(policy: &PolicyIdentity) -> String {
     let or_dash = |value: Option<String>| value.unwrap_or_else(|| "–".to_owned());
+    let sha256 = short(&policy.sha256);
+    if policy.config_hash.is_none() && policy.updates.is_none() {
+        // Nothing that was trained.
+        return format!("{} (sha256 {sha256})", policy.name);
+    }
     let among = match policy.trained_among.join(", ") {
         none if none.is_empty() => none,
         members => format!(", trained among {members}"),
     };
     format!(
-        "{} (sha256 {}, config {}, seed {}, commit {}, {} updates, {} transitions{among})",
+        "{} (sha256 {sha256}, config {}, seed {}, commit {}, {} updates, {} transitions{among})",
         policy.name,
-        short(&policy.sha256),
         or_dash(policy.config_hash.as_deref().map(|hash| short(hash).to_owned())),
         or_dash(policy.seed.map(|seed| seed.to_string())),
         or_dash(policy.commit.as_deref().map(|commit| short(commit).to_owned())),

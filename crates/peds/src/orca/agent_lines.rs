@@ -14,12 +14,19 @@ use super::{
     line::{Line, det, over},
 };
 
-/// Half-plane of velocities of `agent` that leave it free of a collision with `other` for the time horizon,
-/// if `other` does the same; for overlapping discs, that separate them within one time step.
+/// Half-plane of velocities of `agent` that leave it free of a collision with `other` for the time horizon, if `agent` makes
+/// the share `responsibility` of the change and `other` the rest; for overlapping discs, that separate them within one
+/// time step.
 ///
 /// Undetermined (NaN) when the discs overlap and the relative velocity is exactly the cut-off circle's centre.
 #[inline]
-pub(super) fn agent_line(agent: &Agent, other: &Body, inv_time_horizon: f32, inv_time_step: f32) -> Line {
+pub(super) fn agent_line(
+    agent: &Agent,
+    other: &Body,
+    inv_time_horizon: f32,
+    inv_time_step: f32,
+    responsibility: f32,
+) -> Line {
     let relative_position = other.position - agent.position;
     let relative_velocity = agent.velocity - other.velocity;
     let distance_sq = relative_position.length_squared();
@@ -44,7 +51,7 @@ pub(super) fn agent_line(agent: &Agent, other: &Body, inv_time_horizon: f32, inv
         let w = relative_velocity - inv_time_step * relative_position;
         project_on_circle(w, w.length_squared().sqrt(), combined_radius * inv_time_step)
     };
-    Line { point: agent.velocity + 0.5 * u, direction }
+    Line { point: agent.velocity + responsibility * u, direction }
 }
 
 /// Direction of the line and smallest change of velocity that leaves the circle; `w` points from its centre.
@@ -91,7 +98,8 @@ mod tests {
     fn discs_that_touch_separate_within_a_time_step() {
         // Collisions within 0.5 s: a disc of radius 2 around (2, 0). The relative velocity (0.8, 0.9) lies 1.5 from its centre,
         // so the way out is 0.5 along (−0.8, 0.6), of which each takes half.
-        let line = agent_line(&agent(Vec2::ZERO, Vec2::new(0.8, 0.9)), &body(Vec2::X, Vec2::ZERO), 0.5, 2.0);
+        let line =
+            agent_line(&agent(Vec2::ZERO, Vec2::new(0.8, 0.9)), &body(Vec2::X, Vec2::ZERO), 0.5, 2.0, 0.5);
         assert!(line.direction.distance(Vec2::new(0.6, 0.8)) < 1e-6, "{line:?}");
         assert!(line.point.distance(Vec2::new(0.6, 1.05)) < 1e-6, "{line:?}");
     }
@@ -100,8 +108,12 @@ mod tests {
     fn before_the_cut_off_the_way_out_is_to_its_circle() {
         // 4 m apart: a circle of radius 0.5 around (2, 0); relative velocity (1.75, 0) leaves it by −0.25.
         let line =
-            agent_line(&agent(Vec2::ZERO, 1.75 * Vec2::X), &body(4.0 * Vec2::X, Vec2::ZERO), 0.5, 10.0);
+            agent_line(&agent(Vec2::ZERO, 1.75 * Vec2::X), &body(4.0 * Vec2::X, Vec2::ZERO), 0.5, 10.0, 0.5);
         assert_eq!(line, Line { point: 1.625 * Vec2::X, direction: Vec2::Y });
+        // Who takes all of it on itself slows down by twice as much.
+        let line =
+            agent_line(&agent(Vec2::ZERO, 1.75 * Vec2::X), &body(4.0 * Vec2::X, Vec2::ZERO), 0.5, 10.0, 1.0);
+        assert_eq!(line, Line { point: 1.5 * Vec2::X, direction: Vec2::Y });
     }
 
     #[test]
@@ -115,8 +127,13 @@ mod tests {
                 if across == 0.0 && turn != 0.0 {
                     continue; // Rounding decides.
                 }
-                let line =
-                    agent_line(&agent(Vec2::ONE, velocity), &body(Vec2::ONE + at, Vec2::ZERO), 0.5, 10.0);
+                let line = agent_line(
+                    &agent(Vec2::ONE, velocity),
+                    &body(Vec2::ONE + at, Vec2::ZERO),
+                    0.5,
+                    10.0,
+                    0.5,
+                );
                 let leg = turned.rotate(Vec2::from_angle(side * std::f32::consts::FRAC_PI_6));
                 assert!(line.direction.distance(side * leg) < 1e-6, "{line:?}");
                 let foot = velocity.dot(leg) * leg;

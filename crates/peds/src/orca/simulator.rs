@@ -26,6 +26,8 @@ use crate::{
     error::{checked, require},
 };
 
+/// The share of avoiding that each of two agents takes on itself (RVO2).
+const RECIPROCAL: f32 = 0.5;
 /// Agents handled by one task of [`OrcaSimulator::par_plan`]; results do not depend on it.
 const CHUNK: usize = 128;
 
@@ -42,6 +44,7 @@ pub struct AgentLines<'a> {
 #[derive(Debug, Clone)]
 pub struct OrcaSimulator {
     time_step: f32,
+    responsibility: f32,
     obstacles: Arc<Obstacles>,
     agents: Vec<Agent>,
     tree: AgentTree,
@@ -74,6 +77,7 @@ impl OrcaSimulator {
         require((1e-4..=10.0).contains(&time_step), "time_step", time_step.into(), "0.0001 to 10 s")?;
         Ok(Self {
             time_step,
+            responsibility: RECIPROCAL,
             obstacles,
             agents: Vec::new(),
             tree: AgentTree::default(),
@@ -81,6 +85,17 @@ impl OrcaSimulator {
             scratch: Scratch::default(),
             recorded: None,
         })
+    }
+
+    /// The share of avoiding that every agent takes on itself: ½ (as in RVO2, the default) where the others do the rest, 1 where
+    /// they do nothing. Obstacles are always avoided alone.
+    ///
+    /// # Errors
+    /// A share outside 0 … 1.
+    pub fn set_responsibility(&mut self, share: f32) -> Result<(), PedsError> {
+        require((0.0..=1.0).contains(&share), "responsibility", share.into(), "0 to 1")?;
+        self.responsibility = share;
+        Ok(())
     }
 
     /// Adds an agent whose preferred velocity is 0; returns its index.
@@ -260,7 +275,7 @@ impl OrcaSimulator {
         let inv_time_step = 1.0 / self.time_step;
         lines.extend(search.found.iter().map(|neighbour| {
             let other: &Body = &self.tree.bodies[neighbour.slot as usize];
-            agent_line(agent, other, inv_time_horizon, inv_time_step)
+            agent_line(agent, other, inv_time_horizon, inv_time_step, self.responsibility)
         }));
 
         let velocity = if lines.iter().all(Line::is_determined) {
@@ -339,6 +354,35 @@ mod tests {
         assert!(simulator.lines(2).is_none());
         simulator.record_lines(false);
         assert!(simulator.lines(0).is_none());
+    }
+
+    #[test]
+    fn who_expects_nothing_of_the_other_avoids_all_by_itself() {
+        // The other comes straight on. Half of the avoiding leaves a collision if it does nothing; all of it does not.
+        let nearest = |share: f32| {
+            let mut simulator = simulator(0.1);
+            simulator.set_responsibility(share).unwrap();
+            let (mut other, mut nearest) = (Vec2::new(6.0, 0.1), f32::INFINITY);
+            simulator.add_agent(Vec2::ZERO, Vec2::X, &PARAMETERS).unwrap();
+            simulator.add_agent(other, -Vec2::X, &PARAMETERS).unwrap();
+            simulator.set_preferred_velocity(0, Vec2::X).unwrap();
+            for _ in 0..60 {
+                simulator.step();
+                other -= 0.1 * Vec2::X;
+                simulator.set_state(1, other, -Vec2::X).unwrap();
+                nearest = nearest.min(simulator.position(0).distance(other));
+            }
+            nearest
+        };
+        let touch = 2.0 * PARAMETERS.radius;
+        assert!(
+            nearest(1.0) > touch - 1e-3 && nearest(1.0) > nearest(0.5),
+            "{} {}",
+            nearest(0.5),
+            nearest(1.0)
+        );
+        assert!(simulator(0.1).set_responsibility(1.1).is_err());
+        assert!(simulator(0.1).set_responsibility(f32::NAN).is_err());
     }
 
     #[test]

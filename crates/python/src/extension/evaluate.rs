@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use jostle_eval::robot::Rows;
-use jostle_eval::{EvalError, PolicyIdentity, Protocol, RobotPolicy, Subject, TrainedRobot};
+use jostle_eval::{EvalError, PolicyIdentity, Protocol, Robot, RobotPolicy, Subject, TrainedRobot};
 use pyo3::buffer::PyBuffer;
 use pyo3::prelude::*;
 
@@ -72,7 +72,7 @@ pub(super) fn evaluate_policy(
 fn run(
     py: Python<'_>,
     settings: Settings,
-    robot: &mut dyn RobotPolicy,
+    robot: &mut dyn Robot,
     subject: &Subject<'_>,
     episodes: u64,
 ) -> PyResult<Found> {

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
+use jostle_eval::Driver;
 use jostle_eval::config::EvalConfig;
 use jostle_eval::crowds::Pools;
 use jostle_eval::loaded::LoadedPolicy;
@@ -62,16 +63,17 @@ fn fill(
     let run = row_run(of_paper.n_behaviours);
     let policy = policies::load(&trained(out, &run, plan::updates(of_paper.updates.into())))?;
     let config = EvalConfig { sim: policy.sim_config()?, n_agents: row.n_agents, ..EvalConfig::default() };
+    let driver = Driver::Trained(Box::new(policy));
     let protocol = Protocol::new(config, pools.clone())?;
     let mut all = Vec::new();
     for crowd in CrowdKind::PAPER {
-        let cell = Cell { protocol: &protocol, policy: &policy, token: TOKEN, crowd };
+        let cell = Cell { protocol: &protocol, driver: &driver, token: TOKEN, crowd };
         let (run, timing) = cell.run(plan::EPISODES, records)?;
         timings.extend(timing);
         row.cells.push(run.result);
         all.push(run.records);
     }
-    row.policy = Some(policy.identity.clone());
+    row.policy = Some(driver.identity());
     row.token = TOKEN;
     row.note = Some(plan::note(of_paper));
     Ok(all)
