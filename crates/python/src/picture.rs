@@ -152,7 +152,8 @@ mod tests {
                 Pose::new(Vec2::new(0.0, -4.0), 0.0),
             ),
         ];
-        let scenario = Scenario { walls: (Vec2::new(-10.0, -5.0), Vec2::new(10.0, 5.0)), obstacles };
+        let scenario =
+            Scenario { walls: (Vec2::new(-10.0, -5.0), Vec2::new(10.0, 5.0)), obstacles, traced: None };
         let mut painter = Painter::new(&scenario);
         let body = Shape::Box { length: 2.0, width: 0.5 };
         painter.body(&body, Pose::new(Vec2::ZERO, std::f32::consts::FRAC_PI_2), ROBOT);
@@ -179,7 +180,8 @@ mod tests {
 
     #[test]
     fn what_lies_outside_is_cut_off() {
-        let scenario = Scenario { walls: (Vec2::ZERO, Vec2::new(4.0, 4.0)), obstacles: Vec::new() };
+        let scenario =
+            Scenario { walls: (Vec2::ZERO, Vec2::new(4.0, 4.0)), obstacles: Vec::new(), traced: None };
         let mut painter = Painter::new(&scenario);
         let empty = painter.picture.clone();
         for position in

@@ -20,7 +20,7 @@ const ROWS_3: [&str; 4] = ["m5", "state-action", "state", "m1"];
 const ROWS_4: [(&str, &str); 3] = [("Basic", "m1"), ("Safe", "safety-zone"), ("Ours", "m5")];
 const ROWS_5: [&str; 2] = ["m1", "m5"];
 /// The strong policy by the number of agents.
-pub(super) const ROWS_STRONG: [&str; 3] = ["strong", "strong-n10", "strong-n20"];
+pub(super) const ROWS_STRONG: [&str; 2] = ["strong", "strong-n10"];
 
 /// How values and intervals are to be read.
 const READING: &str = "ours: mean over training seeds (robot's token z = 0). 95 %: with one seed, over its episodes (Wilson for a \

@@ -18,15 +18,12 @@ pub struct RowReader {
 impl RowReader {
     /// A reader of the rows that the simulator writes. The settings must be valid.
     pub fn new(sim: &SimConfig) -> Self {
-        let beams = sim.laser.beams;
-        let direction = |k: usize| {
-            let angle = std::f64::consts::TAU * k as f64 / beams as f64;
-            Vec2::new(libm::cos(angle) as f32, libm::sin(angle) as f32)
-        };
-        Self { directions: (0..beams).map(direction).collect(), limit: sim.laser.range, dt: sim.episode.dt }
+        let direction = |angle: f64| Vec2::new(libm::cos(angle) as f32, libm::sin(angle) as f32);
+        let directions = sim.laser.beam_angles().map(direction).collect();
+        Self { directions, limit: sim.laser.range, dt: sim.episode.dt }
     }
 
-    /// Unit vectors along the beams, in the robot's frame: beam 0 straight ahead, counter-clockwise.
+    /// Unit vectors along the beams, in the robot's frame, counter-clockwise.
     pub fn directions(&self) -> &[Vec2] {
         &self.directions
     }
