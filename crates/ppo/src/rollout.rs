@@ -441,7 +441,7 @@ mod tests {
             assert_eq!(advantages.len(), 5);
             if weighs == AlphaWeighs::Reward {
                 // Agent 1: a step that ends its episode, then the last step of another, with −1 behind it.
-                let agent = [0.0 + 0.5 * 0.0 - 1.0, 3.0 + 0.5 * 2.0 + 0.5 * -1.0 - 0.25];
+                let agent = [0.0 + 0.5 * 0.0 - 1.0, 3.0 + 0.5 * 2.0 + -0.5 - 0.25];
                 assert_eq!([advantages[1], advantages[4]], agent);
                 // Agent 0 as ever: 1 + 0.25 and 2 + 0.125 up to the cut, then −1 with 3 behind it.
                 let agent = [1.25 + 0.5 * 2.125 - 0.5, 2.125 + 0.5, -1.0 + 0.5 * 3.0 - 1.0];

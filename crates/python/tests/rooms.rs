@@ -177,7 +177,9 @@ fn clones_and_snapshots_go_on_bit_for_bit() {
             for i in (0..2).filter(|i| steps[*i].end.is_some()) {
                 n_ended += 1;
                 original.begin_next(i).unwrap();
-                others.iter_mut().for_each(|other| other.begin_next(i).unwrap());
+                for other in &mut others {
+                    other.begin_next(i).unwrap();
+                }
             }
         }
         assert!(n_ended > 0, "{crowd}");

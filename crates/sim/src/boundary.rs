@@ -127,7 +127,7 @@ fn distance([a, b]: [DVec2; 2], [c, d]: [DVec2; 2]) -> f64 {
 
 /// The free area without the solid ones: lines with free space on their right, as the arguments are.
 fn difference(free: &[Ring], solid: &[Ring]) -> Vec<Ring> {
-    let points = |ring: &Ring| shifted(ring, GAP).iter().map(|v| v.to_array()).collect::<Vec<_>>();
+    let points = |ring: &Ring| shifted(ring, GAP).iter().map(DVec2::to_array).collect::<Vec<_>>();
     let free: Vec<Vec<[f64; 2]>> = free.iter().map(points).collect();
     // Wound as the free areas are, since one rule of winding holds for both.
     let solid: Vec<Vec<[f64; 2]>> =

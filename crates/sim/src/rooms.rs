@@ -80,7 +80,7 @@ impl Rooms {
     }
 
     /// As [`Rooms::new`], with a training crowd among the agents. What agent (r, a) is in an episode is drawn from the
-    /// stream "training_crowd" with the indices [r, a].
+    /// stream `training_crowd` with the indices [r, a].
     ///
     /// # Errors
     ///

@@ -1,7 +1,7 @@
 //! Training crowds: agents of a training room that are not learners, drawn anew for each episode of each agent.
 //!
 //! With everything at its default every agent is a learner, and no number is drawn. Otherwise each episode of each agent
-//! begins with a draw of its [`Role`], from the agent's own stream "training_crowd": by the shares of [`TrainingCrowd`]
+//! begins with a draw of its [`Role`], from the agent's own stream `training_crowd`: by the shares of [`TrainingCrowd`]
 //! it is a member of the crowd for that episode, else a learner. A member has the crowd's speed; a learner is always the
 //! robot of the configuration. The first agent of each room always learns, so that no room is without a learner.
 //!

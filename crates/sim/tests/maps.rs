@@ -223,7 +223,8 @@ fn a_yaw_turns_the_map_around_its_origin() {
     let image = b"P5 8 3 255\n\xFE\xFE\xFE\xFE\xFE\xFE\xFE\xFE\xFE\xFE\xFE\x00\xFE\xFE\xFE\xFE\xFE\xFE\xFE\xFE\xFE\xFE\xFE\xFE";
     let world = grid(turned.as_bytes(), image).build().expect("world");
     let at = |x: f32, y: f32| {
-        let point = Vec2::new(-1.0, -2.0) + Vec2::from_angle(0.523_598_8).rotate(Vec2::new(x, y));
+        let point =
+            Vec2::new(-1.0, -2.0) + Vec2::from_angle(std::f32::consts::FRAC_PI_6).rotate(Vec2::new(x, y));
         world.clearance(point)
     };
     assert_eq!(at(3.5, 1.5), 0.0);

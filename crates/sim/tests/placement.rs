@@ -365,12 +365,11 @@ fn a_body_that_is_stopped_before_its_scan_shows_it_has_crashed() {
 /// A pole that is thinner than the gap between two beams stops a body of the usual size, too.
 #[test]
 fn a_pole_between_two_beams_is_a_crash() {
-    let poles: String = (0..200)
-        .map(|i| {
-            let (x, y) = (f64::from(i % 20) - 9.5, f64::from(i / 20) * 2.0 - 9.0);
-            format!("[[obstacle]]\ncircle = {{ centre = [{x}, {y}], radius = 0.0005 }}\n")
-        })
-        .collect();
+    let pole = |i: i32| {
+        let (x, y) = (f64::from(i % 20) - 9.5, f64::from(i / 20) * 2.0 - 9.0);
+        format!("[[obstacle]]\ncircle = {{ centre = [{x}, {y}], radius = 0.0005 }}\n")
+    };
+    let poles = (0..200).map(pole).collect::<Vec<_>>().concat();
     let (_folder, mut config) = with_obstacles(&poles);
     // So sparse that most poles are missed, so near that the crash range shows none of the rest.
     config.laser.beams = 16;

@@ -181,7 +181,7 @@ impl<'a> Session<'a> {
             "there are {OBSTACLES_MAX} obstacles already"
         );
         let disc = Shape::Circle { radius: OBSTACLE };
-        self.room.add_obstacle(&mut self.plan, disc, Pose::new(position, 0.0))?;
+        self.room.add_obstacle(&mut self.plan, &disc, Pose::new(position, 0.0))?;
         self.crowd = crowd_of(self.stock, &self.plan)?;
         self.robot = self.driver().robot_with(self.setup.token, &self.plan)?;
         self.scene = Scene::new(&self.plan.config, &polygons(&self.plan.scenario))?;

@@ -81,7 +81,7 @@ impl EvalRoom {
     ///
     /// A place that is taken, too near to the robot or on its goal, or that would cut the robot off from it; a room in which
     /// starts and goals would no longer find their places; a shape that the world refuses. Nothing is changed then.
-    pub fn add_obstacle(&mut self, plan: &mut RoomPlan, shape: Shape, pose: Pose) -> Result<(), EvalError> {
+    pub fn add_obstacle(&mut self, plan: &mut RoomPlan, shape: &Shape, pose: Pose) -> Result<(), EvalError> {
         shape.validate("obstacle")?;
         let size = shape.circumradius();
         self.check_place(plan, "obstacle", pose.position, size)?;
@@ -99,7 +99,7 @@ impl EvalRoom {
             let expected = "a point that leaves the robot a way to its goal".to_owned();
             return refuse("obstacle", pose.position, expected);
         }
-        self.world.add_obstacle(&shape, pose)?;
+        self.world.add_obstacle(shape, pose)?;
         (plan.scenario, plan.spawner) = (scenario, spawner);
         let least = plan.config.sim.episode.crash_range;
         for (pedestrian, rng) in self.pedestrians.iter_mut().zip(&mut self.streams) {
@@ -214,7 +214,7 @@ mod tests {
         let wall = Shape::Box { length: 0.4, width: 21.0 };
         let (start, goal) = (room.robot().position, room.goal);
         // A wall from side to side, between the robot and its goal.
-        let middle = Vec2::new((start.x + goal.x) / 2.0, 0.0);
+        let middle = Vec2::new(f32::midpoint(start.x, goal.x), 0.0);
         let far = |p: &Pedestrian| (p.position.x - middle.x).abs() > 1.0;
         assert!((start.x - goal.x).abs() > 2.0 && room.pedestrians.iter().all(far));
         room.world.add_obstacle(&wall, Pose::new(middle, 0.0)).unwrap();
@@ -224,7 +224,7 @@ mod tests {
         assert!(message.ends_with("expected a point that the robot can get to"), "{message}");
         let obstacles = plan.scenario.obstacles.len();
         let (disc, place) = (Shape::Circle { radius: 0.1 }, Pose::new(free_points(&room)[0], 0.0));
-        let message = room.add_obstacle(&mut plan, disc, place).unwrap_err().to_string();
+        let message = room.add_obstacle(&mut plan, &disc, place).unwrap_err().to_string();
         assert!(message.ends_with("expected a point that leaves the robot a way to its goal"), "{message}");
         assert_eq!((plan.scenario.obstacles.len(), room.world.n_obstacles()), (obstacles, obstacles));
         // As many pedestrians as the room holds: each keeps a metre from the others.
@@ -241,11 +241,11 @@ mod tests {
         let points = free_points(&room);
         let (ahead, covered, disc) = (points[0], points[points.len() - 1], Shape::Circle { radius: 0.4 });
         room.pedestrians[0].goal = covered;
-        room.add_obstacle(&mut plan, disc.clone(), Pose::new(covered, 0.0)).unwrap();
+        room.add_obstacle(&mut plan, &disc, Pose::new(covered, 0.0)).unwrap();
         // As far from the disc as any start or goal.
         assert!(room.pedestrians[0].goal.distance(covered) >= 1.4 - 1e-4);
-        room.add_obstacle(&mut plan, disc.clone(), Pose::new(ahead, 0.0)).unwrap();
-        assert!(room.add_obstacle(&mut plan, disc.clone(), Pose::new(room.goal, 0.0)).is_err());
+        room.add_obstacle(&mut plan, &disc, Pose::new(ahead, 0.0)).unwrap();
+        assert!(room.add_obstacle(&mut plan, &disc, Pose::new(room.goal, 0.0)).is_err());
         assert!(room.add_pedestrian(&mut plan, ahead).is_err());
         assert_eq!(plan.scenario.build().unwrap().clearance(ahead), 0.0);
         // The robot that drives towards it hits it.

@@ -118,7 +118,7 @@ fn share(field: &str, value: f64) -> Result<(), PpoError> {
 fn in_section(section: &str, error: SimError) -> PpoError {
     match error {
         SimError::Field { field, found, expected } => refuse(format!("{section}.{field}"), found, expected),
-        other => PpoError::Sim(other),
+        other @ SimError::File { .. } => PpoError::Sim(other),
     }
 }
 

@@ -248,7 +248,7 @@ fn refine(points: &[DVec2], n: usize, edges: &mut [(usize, usize)], i: usize) {
         Strip::narrowest(&hull(&points)).width
     };
     let cost = |cut: usize, skipped: usize| {
-        let (a, b) = (width(&left, &points[low..cut]), width(&right, &points[cut + skipped..high + 1]));
+        let (a, b) = (width(&left, &points[low..cut]), width(&right, &points[cut + skipped..=high]));
         a * a + b * b + 0.01 * skipped as f64
     };
     let mut best = (f64::INFINITY, end, start);
