@@ -13,7 +13,7 @@ use crate::report::{CrowdReport, EpisodeCounts};
 ///
 /// # Shapes
 ///
-/// All buffers are row-major `[T, A]` with row index t·A + a, until [`Rollout::keep_learners`] leaves out the rows of a training
+/// All buffers are row-major `[T, A]` with row index t·A + a, until `keep_learners` leaves out the rows of a training
 /// crowd; the others keep their order. `observations` and `tokens` hold rows beyond T·A: first the
 /// A observations after the last step, then the last observations of truncated episodes, whose values are needed, too.
 /// `fates` and `places` are `[T, A]` always.

@@ -22,7 +22,7 @@ pub struct Scenario {
     pub traced: Option<TracedArea>,
 }
 
-/// The outline of an occupancy grid's free area: what [`crate::boundary`] starts from.
+/// The outline of an occupancy grid's free area: what `boundary` starts from.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TracedArea {
     /// Closed lines in the world, m: clockwise around free areas, counter-clockwise around what stands in them.
