@@ -65,7 +65,7 @@ fn a_relative_map_is_found_from_the_file_that_names_it_wherever_one_works() {
     let evaluate = ["evaluate", text(&run), "--crowds", "SF", "--episodes", "2", "--out", text(&out)];
     accepted_in(&elsewhere, &evaluate);
     let page = folder.path().join("page.html");
-    let replay = ["replay", text(&run), "--crowds", "VO", "--episodes", "1", "--out", text(&page)];
+    let replay = ["replay", text(&run), "--crowd", "VO", "--episodes", "1", "--out", text(&page)];
     accepted_in(&elsewhere, &replay);
     // The whole project at another place: the run's files name the map relative to themselves.
     let before = records(&out);

@@ -155,7 +155,7 @@ fn clones_and_snapshots_go_on_bit_for_bit() {
         let mut original = rooms(crowd, 2);
         let mut others: Vec<CrowdRooms> = Vec::new();
         let mut n_ended = 0;
-        for step in 0..150 {
+        for step in 0..450 {
             if step % 50 == 10 {
                 let mut restored = rooms(crowd, 2);
                 restored.step(&[[0.5, -0.5]; 2]).unwrap();

@@ -367,7 +367,7 @@ fn a_body_that_is_stopped_before_its_scan_shows_it_has_crashed() {
 fn a_pole_between_two_beams_is_a_crash() {
     let pole = |i: i32| {
         let (x, y) = (f64::from(i % 20) - 9.5, f64::from(i / 20) * 2.0 - 9.0);
-        format!("[[obstacle]]\ncircle = {{ centre = [{x}, {y}], radius = 0.0005 }}\n")
+        format!("[[obstacle]]\ncircle = {{ centre = [{x}, {y}], radius = 0.001 }}\n")
     };
     let poles = (0..200).map(pole).collect::<Vec<_>>().concat();
     let (_folder, mut config) = with_obstacles(&poles);
