@@ -70,6 +70,9 @@ pub(crate) struct PlayArgs {
 /// Serves the page until the process is ended.
 pub(crate) fn run(args: &PlayArgs) -> Result<ExitCode> {
     let stock = stock(args)?;
+    for policy in stock.drivers.iter().filter_map(|driver| driver.policy.as_ref()) {
+        crate::maps::tell(&policy.sim_config()?.room)?;
+    }
     let (crowd, pedestrians) = (args.crowd, args.pedestrians);
     let first = Setup { crowd, pedestrians, policy: 0, token: args.token, seed: args.seed };
     // What cannot be played is said here, not to the first visitor.

@@ -15,7 +15,6 @@ use super::steering::steer;
 use crate::error::EvalError;
 use crate::robot::RobotView;
 use crate::room::RoomPlan;
-use crate::site::polygons;
 
 /// Parameters of the robot and of the people as it takes them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -72,7 +71,7 @@ impl OrcaRobot {
         own.validate()?;
         let theirs = AgentParameters { radius: config.pedestrian_radius, ..own };
         theirs.validate()?;
-        let obstacles = Arc::new(Obstacles::new(&polygons(&plan.scenario))?);
+        let obstacles = Arc::new(Obstacles::new(&plan.scenario.boundary())?);
         let mut empty = OrcaSimulator::new(dt, obstacles)?;
         empty.set_responsibility(config.responsibility)?;
         Ok(Self { robot, dt, own, theirs, empty })

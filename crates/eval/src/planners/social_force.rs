@@ -13,7 +13,6 @@ use super::steering::steer;
 use crate::error::EvalError;
 use crate::robot::RobotView;
 use crate::room::RoomPlan;
-use crate::site::polygons;
 
 /// How far ahead the goal of others is taken to be, in the direction that they walk (m).
 const GOAL_OF_OTHERS: f32 = 10.0;
@@ -59,7 +58,7 @@ impl SocialForceRobot {
             r: config.border_range,
             ..SocialForceConfig::default()
         })?;
-        Ok(Self { robot, dt, model, borders: Border::from_polygons(&polygons(&plan.scenario))? })
+        Ok(Self { robot, dt, model, borders: Border::from_polygons(&plan.scenario.boundary())? })
     }
 
     fn walker(&self, position: Vec2, velocity: Vec2, goal: Vec2) -> Walker {

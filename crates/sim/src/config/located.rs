@@ -42,6 +42,8 @@ impl RoomConfig {
 
 /// An absolute path without links where it exists; folders that do not exist yet may follow.
 fn real(path: &Path) -> PathBuf {
+    // The folder of a file that is named without one.
+    let path = if path.as_os_str().is_empty() { Path::new(".") } else { path };
     if let Ok(path) = path.canonicalize() {
         return path;
     }
