@@ -70,7 +70,7 @@ pub(crate) struct PlayArgs {
 /// Serves the page until the process is ended.
 pub(crate) fn run(args: &PlayArgs) -> Result<ExitCode> {
     let stock = stock(args)?;
-    for policy in stock.drivers.iter().filter_map(|driver| driver.policy.as_ref()) {
+    for policy in stock.drivers.iter().filter_map(Driver::policy) {
         crate::maps::tell(&policy.sim_config()?.room)?;
     }
     let (crowd, pedestrians) = (args.crowd, args.pedestrians);
