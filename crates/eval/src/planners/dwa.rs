@@ -33,8 +33,8 @@ use crate::error::EvalError;
 /// Returns of what stands still that are nearer together than this count once (m).
 const SPACING: f32 = 0.15;
 
-/// What is rolled out and how it is weighed. The defaults were chosen on the validation crowds (docs/planners.md), never on those
-/// of the paper.
+/// What is rolled out and how it is weighed. The defaults were chosen on walkers made for the purpose, like those of the
+/// validation crowds, and checked once on the validation crowds; the six test crowds were looked at afterwards.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DwaConfig {
     /// What counts as one thing, and which things may move.
