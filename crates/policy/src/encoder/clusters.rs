@@ -13,6 +13,9 @@ pub const SIZE_MAX: f32 = 0.75;
 /// Reading of a beam that meets nothing, in the units of an observation row.
 const NOTHING: f32 = 0.5;
 
+/// Beams that are compared side by side.
+const LANES: usize = 16;
+
 /// A run of beams that met something.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cluster {
@@ -20,7 +23,7 @@ pub struct Cluster {
     pub first: usize,
     /// Number of beams.
     pub n: usize,
-    /// Mean of its end points in the frame of the scan, m.
+    /// Mean of its end points in the frame of the scan, m; the first one where it is larger than [`SIZE_MAX`].
     pub centre: [f32; 2],
     /// Least range, m.
     pub nearest: f32,
@@ -83,21 +86,30 @@ impl ScanClusters {
     /// # Panics
     ///
     /// If the scan has another number of beams.
+    #[inline(always)]
     pub fn read(&mut self, beams: &Beams, scan: &[f32]) {
         let n = beams.len();
         assert_eq!(scan.len(), n, "beams of a scan");
-        self.ranges.clear();
-        self.ranges.extend(scan.iter().map(|reading| (reading + 0.5) * 10.0));
-        self.points.clear();
-        let ends = self.ranges.iter().zip(&beams.cos).zip(&beams.sin);
-        self.points.extend(ends.map(|((r, cos), sin)| [r * cos, r * sin]));
-        // Whether a beam's end point belongs to the same cluster as that of the beam before it.
-        let met = |beam: usize| scan[beam] < NOTHING;
-        let points = &self.points;
-        let joined = |a: usize, b: usize| met(a) && met(b) && distance_sq(points[a], points[b]) <= GAP * GAP;
-        self.joined.clear();
-        self.joined.push(joined(n - 1, 0));
-        self.joined.extend((1..n).map(|beam| joined(beam - 1, beam)));
+        self.ranges.resize(n, 0.0);
+        self.points.resize(n, [0.0; 2]);
+        self.joined.resize(n, false);
+        let (ranges, points, joined) = (&mut self.ranges[..n], &mut self.points[..n], &mut self.joined[..n]);
+        let (cos, sin) = (&beams.cos[..n], &beams.sin[..n]);
+        for beam in 0..n {
+            let range = (scan[beam] + 0.5) * 10.0;
+            ranges[beam] = range;
+            points[beam] = [range * cos[beam], range * sin[beam]];
+        }
+        // Whether a beam's end point belongs to the same cluster as that of the beam before it. No short cuts: all
+        // beams are compared at once.
+        let are_joined = |a: usize, b: usize| {
+            let met = (scan[a] < NOTHING) & (scan[b] < NOTHING);
+            met & (distance_sq(points[a], points[b]) <= GAP * GAP)
+        };
+        joined[0] = are_joined(n - 1, 0);
+        for beam in 1..n {
+            joined[beam] = are_joined(beam - 1, beam);
+        }
         self.clusters.clear();
         // Where a cluster certainly begins; if all beams are one cluster, the circle is cut at the seam.
         let start = self.joined.iter().position(|joined| !joined).unwrap_or(0);
@@ -107,28 +119,49 @@ impl ScanClusters {
             match &mut run {
                 Some((_, count)) if goes_on => *count += 1,
                 _ => {
-                    let ended = run.take().map(|run| self.cluster(run));
-                    self.clusters.extend(ended);
-                    run = met(beam).then_some((beam, 1));
+                    if let Some(ended) = run.take() {
+                        self.clusters.push(self.cluster(ended));
+                    }
+                    run = (scan[beam] < NOTHING).then_some((beam, 1));
                 }
             }
         }
-        let ended = run.map(|run| self.cluster(run));
-        self.clusters.extend(ended);
+        if let Some(ended) = run {
+            self.clusters.push(self.cluster(ended));
+        }
     }
 
+    #[inline(always)]
     fn cluster(&self, (first, n): (usize, usize)) -> Cluster {
         let total = self.points.len();
-        let mut sum = [0.0_f32; 2];
-        let (mut nearest, mut size_sq) = (f32::INFINITY, 0.0_f32);
-        for beam in run_of(first, n, total) {
-            let [x, y] = self.points[beam];
-            sum = [sum[0] + x, sum[1] + y];
-            nearest = nearest.min(self.ranges[beam]);
-            size_sq = size_sq.max(distance_sq(self.points[first], [x, y]));
+        // The run, cut at the seam.
+        let (end, wrapped) = ((first + n).min(total), (first + n).saturating_sub(total));
+        let runs = [first..end, 0..wrapped];
+        let start = self.points[first];
+        let (mut nearest, mut size_sq) = ([f32::INFINITY; LANES], [0.0_f32; LANES]);
+        for run in &runs {
+            let ranges = self.ranges[run.clone()].chunks(LANES);
+            for (ranges, points) in ranges.zip(self.points[run.clone()].chunks(LANES)) {
+                let lanes = nearest.iter_mut().zip(&mut size_sq);
+                for ((nearest, size_sq), (range, point)) in lanes.zip(ranges.iter().zip(points)) {
+                    let distance_sq = distance_sq(start, *point);
+                    *nearest = if *range < *nearest { *range } else { *nearest };
+                    *size_sq = if distance_sq > *size_sq { distance_sq } else { *size_sq };
+                }
+            }
         }
-        let scale = 1.0 / n as f32;
-        Cluster { first, n, centre: [sum[0] * scale, sum[1] * scale], nearest, size: size_sq.sqrt() }
+        let size = size_sq.into_iter().fold(0.0, f32::max).sqrt();
+        let mut centre = start;
+        if size <= SIZE_MAX {
+            // In the order of the beams.
+            let mut sum = [0.0_f32; 2];
+            for [x, y] in runs.into_iter().flat_map(|run| &self.points[run]) {
+                sum = [sum[0] + x, sum[1] + y];
+            }
+            let scale = 1.0 / n as f32;
+            centre = sum.map(|sum| sum * scale);
+        }
+        Cluster { first, n, centre, nearest: nearest.into_iter().fold(f32::INFINITY, f32::min), size }
     }
 }
 

@@ -19,6 +19,7 @@ use serde::{Deserialize, Serialize};
 
 use super::clusters::{Beams, Cluster, ClusterScratch, SIZE_MAX, ScanClusters, distance_sq, run_of};
 use super::paths::{DIRECTIONS, FREE, HORIZON, Meetings, PATHS, Paths, STEPS};
+use crate::kernels::isa::{Isa, Work};
 use crate::observation::TAIL_LEN;
 
 /// Sectors of the scan.
@@ -71,6 +72,23 @@ pub struct Track {
     pub nearest: f32,
 }
 
+/// One row's encoding.
+struct Encoding<'a> {
+    encoder: &'a MotionEncoder,
+    observation: &'a [f32],
+    scratch: &'a mut ClusterScratch,
+    input: &'a mut [f32],
+}
+
+impl Work for Encoding<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        self.encoder.encode_row(self.observation, self.scratch, self.input);
+    }
+}
+
 /// The encoder's tables.
 #[derive(Debug, Clone)]
 pub struct MotionEncoder {
@@ -87,6 +105,15 @@ impl MotionEncoder {
 
     /// Encodes one row (see the module).
     pub(super) fn encode(&self, observation: &[f32], scratch: &mut ClusterScratch, input: &mut [f32]) {
+        self.encode_with(Isa::detect(), observation, scratch, input);
+    }
+
+    fn encode_with(&self, isa: Isa, observation: &[f32], scratch: &mut ClusterScratch, input: &mut [f32]) {
+        isa.run(Encoding { encoder: self, observation, scratch, input });
+    }
+
+    #[inline(always)]
+    fn encode_row(&self, observation: &[f32], scratch: &mut ClusterScratch, input: &mut [f32]) {
         let tail = &observation[observation.len() - TAIL_LEN..];
         let &[goal_x, goal_y, v, w] = tail else { unreachable!("a tail of four values") };
         self.find_tracks(observation, scratch);
@@ -123,6 +150,7 @@ impl MotionEncoder {
         &scratch.tracks
     }
 
+    #[inline(always)]
     fn find_tracks(&self, observation: &[f32], scratch: &mut ClusterScratch) {
         let n = self.beams.len();
         let newest = observation.len() - TAIL_LEN - n;
@@ -158,22 +186,26 @@ impl MotionEncoder {
     }
 
     /// Whether a cluster may be a body: small, and of enough beams for its distance.
+    #[inline(always)]
     fn is_body(&self, cluster: &Cluster) -> bool {
         let spacing = std::f32::consts::TAU / self.beams.len() as f32;
         let expected = 0.5 / (cluster.nearest.max(0.1) * spacing);
         cluster.size <= SIZE_MAX && cluster.n as f32 >= (FEWEST_SHARE * expected).max(2.0)
     }
 
+    #[inline(always)]
     fn write_sectors(&self, now: &ScanClusters, sectors: &mut [f32]) {
         let n = self.beams.len();
         for (sector, to) in sectors.iter_mut().enumerate() {
             let (from, end) = (sector * n / SECTORS, (sector + 1) * n / SECTORS);
-            let nearest = now.ranges[from..end].iter().copied().fold(f32::INFINITY, f32::min);
+            let closer = |a: f32, b: f32| if b < a { b } else { a };
+            let nearest = now.ranges[from..end].iter().copied().fold(f32::INFINITY, closer);
             *to = 1.0 / (0.5 + nearest);
         }
     }
 
     /// Everything that is no body stands still; its returns count at least [`WALL_SPACING`] apart.
+    #[inline(always)]
     fn meet_walls(&self, scratch: &ClusterScratch, meetings: &mut [Meetings; BERTHS]) {
         let (now, n) = (&scratch.now, self.beams.len());
         let walls =
@@ -230,5 +262,45 @@ fn turn_to(angle: f32, around: &[f32], turned: &mut [f32]) {
     for (i, to) in turned.iter_mut().enumerate() {
         let (a, b) = (around[(whole + i) % n], around[(whole + i + 1) % n]);
         *to = a + part * (b - a);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand_chacha::ChaCha8Rng;
+    use rand_chacha::rand_core::{Rng, SeedableRng};
+
+    use super::*;
+
+    #[test]
+    fn all_instruction_sets_give_the_same_bits() {
+        let inputs = MotionInputs { dt: 0.1, v_max: 1.0, w_max: 1.0 };
+        let mut rng = ChaCha8Rng::seed_from_u64(7);
+        let mut uniform =
+            |low: f32, high: f32| low + (high - low) * (rng.next_u32() as f32 / u32::MAX as f32);
+        // Odd numbers of beams leave lanes over.
+        for beams in [512, 509, 37] {
+            let encoder = MotionEncoder::new(&inputs, beams);
+            for _ in 0..50 {
+                // Walls with steps between them, bodies before them, misses.
+                let mut row = Vec::new();
+                for _ in 0..3 {
+                    let mut range = uniform(1.0, 10.0);
+                    for _ in 0..beams {
+                        let event = uniform(0.0, 1.0);
+                        range = if event < 0.04 { uniform(0.3, 10.0) } else { range + uniform(-0.02, 0.02) };
+                        row.push(if event > 0.98 { 0.5 } else { range.clamp(0.0, 9.9) / 10.0 - 0.5 });
+                    }
+                }
+                row.extend([uniform(-9.0, 9.0), uniform(-9.0, 9.0), uniform(0.0, 1.0), uniform(-1.0, 1.0)]);
+                let encoded = Isa::available().into_iter().map(|isa| {
+                    let mut input = [0.0; INPUT_LEN];
+                    encoder.encode_with(isa, &row, &mut ClusterScratch::default(), &mut input);
+                    input.map(f32::to_bits)
+                });
+                let all: Vec<_> = encoded.collect();
+                assert!(all.iter().all(|bits| bits == &all[0]), "{beams} beams");
+            }
+        }
     }
 }

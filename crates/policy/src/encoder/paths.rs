@@ -57,6 +57,7 @@ impl Paths {
     /// has its own radius.
     ///
     /// `centre` (m) and `velocity` (m/s) are in the robot's frame as it is now, which stays.
+    #[inline(always)]
     pub fn meet<const N: usize>(
         &self,
         centre: [f32; 2],
@@ -76,15 +77,13 @@ impl Paths {
             }
             let (xs, ys) = (&self.x[step], &self.y[step]);
             let mark = (step + 1) as f32;
-            let mut distances_sq = [0.0; PATHS];
-            for ((distance_sq, x), y) in distances_sq.iter_mut().zip(xs).zip(ys) {
-                let (dx, dy) = (x - cx, y - cy);
-                *distance_sq = dx * dx + dy * dy;
-            }
-            for (meetings, radius_sq) in meetings.iter_mut().zip(radii_sq) {
-                for (meeting, distance_sq) in meetings.iter_mut().zip(distances_sq) {
+            for path in 0..PATHS {
+                let (dx, dy) = (xs[path] - cx, ys[path] - cy);
+                let distance_sq = dx * dx + dy * dy;
+                for (meetings, radius_sq) in meetings.iter_mut().zip(radii_sq) {
                     let found = if distance_sq < radius_sq { mark } else { FREE };
-                    *meeting = if found < *meeting { found } else { *meeting };
+                    let earlier = meetings[path];
+                    meetings[path] = if found < earlier { found } else { earlier };
                 }
             }
         }

@@ -53,4 +53,41 @@ impl Isa {
             Level::Plain => "plain",
         }
     }
+
+    /// Does some work in code that was compiled for this instruction set.
+    ///
+    /// The bits are those of plain Rust: the compiler neither fuses multiply-adds nor reorders sums by itself.
+    pub fn run<W: Work>(self, work: W) -> W::Output {
+        match self.0 {
+            // SAFETY: the value proves that the processor has the set (see `available`).
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx512 => unsafe { with_avx512(work) },
+            // SAFETY: as above.
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx2 => unsafe { with_avx2(work) },
+            _ => work.run(),
+        }
+    }
+}
+
+/// Plain Rust that gains from wide registers. [`Isa::run`] compiles it once for each instruction set.
+///
+/// Only what is inlined into [`run`](Self::run) is compiled anew, so hot functions below it are `#[inline(always)]`.
+pub trait Work {
+    /// What comes out.
+    type Output;
+    /// The work; `#[inline(always)]`.
+    fn run(self) -> Self::Output;
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx2,bmi1,popcnt")]
+fn with_avx512<W: Work>(work: W) -> W::Output {
+    work.run()
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,bmi1,popcnt")]
+fn with_avx2<W: Work>(work: W) -> W::Output {
+    work.run()
 }
