@@ -54,6 +54,7 @@ use jostle_sim::{Rooms, Streams};
 use rayon::ThreadPool;
 use rayon::prelude::*;
 
+use crate::constraint::Standing;
 use crate::gae;
 use crate::learner::Learner;
 use crate::loss::{
@@ -87,6 +88,8 @@ pub struct Trainer {
     pub(crate) rollout: Rollout,
     inputs: Inputs,
     pub(crate) population: Option<Population>,
+    /// How well the behaviours drive, where their diversity is constrained.
+    pub(crate) standing: Option<Standing>,
     /// The agents that the present policy drives in the present step.
     driven: Vec<u32>,
     /// Means of the present step's actions, one for each of those.
@@ -172,6 +175,7 @@ impl Trainer {
             rollout: Rollout::new(config.horizon, config.agents_total(), width),
             inputs: Inputs::new(encoder),
             population,
+            standing: (config.diversity_margin > 0.0).then(|| Standing::new(config.n_behaviours)),
             driven: Vec::with_capacity(config.agents_total()),
             means: Vec::with_capacity(config.agents_total()),
             state_action: Vec::new(),
@@ -238,6 +242,9 @@ impl Trainer {
         self.observe()?;
         self.rollout.keep_learners();
         clock.rollout = start.elapsed().as_secs_f64();
+        if let Some(standing) = &mut self.standing {
+            standing.take_in(&self.rollout.ended);
+        }
         let logits = self.judge();
         self.add_intrinsic_reward(&logits); // Alg. 1, line 8
         let [on_state_action, on_state] = logits.map(|logits| {
@@ -292,6 +299,10 @@ impl Trainer {
             first_ratio_deviation: policy.ratio_deviation,
             entropy: DiagonalGaussian { mean: [0.0; 2], log_std }.entropy(),
             log_std,
+            paid_behaviours: self
+                .standing
+                .is_some()
+                .then(|| self.alphas().iter().filter(|alpha| **alpha > 0.0).count() as u64),
             crowd: (!self.config.training_crowd.is_off()).then_some(self.rollout.crowd),
             clock,
         })
@@ -399,10 +410,20 @@ impl Trainer {
             return Err(PpoError::NotFinite { update, tensor, agent: None });
         }
         let (gamma, gae_lambda) = (self.config.gamma, self.config.gae_lambda);
-        let weight = (self.config.alpha, self.config.alpha_weighs);
+        let alphas = self.alphas();
+        let weight = (&alphas[..], self.config.alpha_weighs);
         self.rollout.estimate_advantages(&values, weight, (gamma, gae_lambda));
         gae::normalise(&mut self.rollout.advantages);
         Ok(explained_variance(&self.rollout.values, &self.rollout.returns))
+    }
+
+    /// The weight of each behaviour's intrinsic reward: α, or 0 where a constrained behaviour drives too badly.
+    fn alphas(&self) -> Vec<f64> {
+        let Config { alpha, diversity_margin, n_behaviours, .. } = self.config;
+        let is_paid = |behaviour| {
+            self.standing.as_ref().is_none_or(|standing| standing.is_paid(behaviour, diversity_margin))
+        };
+        (0..n_behaviours).map(|behaviour| if is_paid(behaviour) { alpha } else { 0.0 }).collect()
     }
 
     /// D over a few evenly spaced observations of the rollout.

@@ -6,6 +6,7 @@
 //! | `adam.<network>.first`, `adam.<network>.second` | Adam's moments, flat, in the order of the parameters above |
 //! | `state.rooms` | the rooms, JSON as bytes: poses, episodes, observations, positions of their random streams |
 //! | `population.past.<k>` | snapshots of the actor that are opponents, flat, in the order of its parameters |
+//! | `state.standing` | with constrained diversity, how well each behaviour drives, JSON as bytes |
 //! | `state.adam_steps` | Adam's step counts, JSON as bytes |
 //!
 //! The metadata holds the format, the configuration (TOML, without the keys that do not change the curve), its hash, the
@@ -32,6 +33,8 @@ use crate::{Config, PpoError, Trainer};
 const COUNT_MAX: u64 = 1 << 53;
 /// The metadata that names the opponents which came from files.
 const OPPONENTS: &str = "opponents";
+/// How well each behaviour drives.
+const STANDING: &str = "state.standing";
 /// Metadata: the hash of the map's content.
 const MAP: &str = "map_sha256";
 
@@ -51,7 +54,16 @@ impl Trainer {
         let steps = serde_json::to_vec(&steps).expect("step counts are plain numbers");
         let saved: Vec<_> = self.learners().into_iter().map(SavedLearner::new).collect();
         let mut tensors: Vec<TensorOut<'_>> = saved.iter().flat_map(SavedLearner::tensors).collect();
-        for (name, bytes) in [("state.rooms", &rooms), ("state.adam_steps", &steps)] {
+        let standing = self
+            .standing
+            .as_ref()
+            .map(|standing| serde_json::to_vec(standing).expect("means and counts are plain numbers"));
+        let states = [
+            ("state.rooms", Some(&rooms)),
+            ("state.adam_steps", Some(&steps)),
+            (STANDING, standing.as_ref()),
+        ];
+        for (name, bytes) in states.into_iter().filter_map(|(name, bytes)| Some((name, bytes?))) {
             tensors.push(TensorOut {
                 name: name.to_owned(),
                 shape: vec![bytes.len()],
@@ -120,6 +132,19 @@ impl Trainer {
             learner.restore(file, &steps)?;
         }
         trainer.restore_population(file)?;
+        if let Some(standing) = &mut trainer.standing {
+            let expected = standing.len();
+            *standing = json(file, STANDING)?;
+            if standing.len() != expected || !standing.is_sound() {
+                let found = format!("the state of {} behaviours", standing.len());
+                return Err(refuse(
+                    file.path(),
+                    STANDING,
+                    found,
+                    format!("finite means and a count of {expected}"),
+                ));
+            }
+        }
         let rooms: RoomsState = json(file, "state.rooms")?;
         trainer.rooms.restore(rooms)?;
         trainer.commit = provenance.commit;

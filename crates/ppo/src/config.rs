@@ -87,6 +87,10 @@ pub struct Config {
     /// What α weighs: the intrinsic `reward` of a step (the paper's Algorithm 1, line 8) or the intrinsic `advantage` (the
     /// paper's table calls α "advantage weight"). Default `reward`.
     pub alpha_weighs: AlphaWeighs,
+    /// With more than one behaviour, those whose mean return (of the task, over an episode) is further than this below the best so
+    /// far learn the task alone, as if their α were 0; ≥ 0, 0 is off. Default 0 (paper).
+    #[serde(skip_serializing_if = "is_default")]
+    pub diversity_margin: f64,
     /// `difference` (paper), `state_action`, `state` (DIAYN) or `none`.
     pub intrinsic_reward: IntrinsicReward,
     /// Whether log M is added to the rewards `state_action` and `state`, as DIAYN does. Default false.
@@ -205,6 +209,7 @@ impl Default for Config {
             max_grad_norm: 0.0,
             alpha: 0.1,
             alpha_weighs: AlphaWeighs::default(),
+            diversity_margin: 0.0,
             intrinsic_reward: IntrinsicReward::default(),
             add_log_m: false,
             bootstrap_truncation: false,

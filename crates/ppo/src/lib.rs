@@ -15,6 +15,7 @@ pub mod algorithm1;
 pub mod behaviours;
 pub mod checkpoint;
 pub mod config;
+mod constraint;
 mod error;
 pub mod gae;
 mod learner;

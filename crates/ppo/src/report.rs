@@ -45,6 +45,9 @@ pub struct UpdateReport {
     pub entropy: f64,
     /// Log standard deviations of v and ω after the update.
     pub log_std: [f32; 2],
+    /// Behaviours whose diversity was paid in this update; `None` where diversity is not constrained.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub paid_behaviours: Option<u64>,
     /// What nobody learned from; `None` where there is no training crowd.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub crowd: Option<CrowdReport>,

@@ -48,6 +48,8 @@ pub struct Rollout {
     pub(crate) returns: Vec<f64>,
     pub(crate) episodes: EpisodeCounts,
     pub(crate) return_sum: f64,
+    /// The learners' episodes that ended: behaviour and undiscounted task return.
+    pub(crate) ended: Vec<(u32, f64)>,
     pub(crate) length_sum: f64,
     /// The rows and episodes that nobody learns from.
     pub(crate) crowd: CrowdReport,
@@ -77,6 +79,7 @@ impl Rollout {
             returns: vec![0.0; n],
             episodes: EpisodeCounts::default(),
             return_sum: 0.0,
+            ended: Vec::new(),
             length_sum: 0.0,
             crowd: CrowdReport::default(),
         }
@@ -131,6 +134,7 @@ impl Rollout {
         self.truncated.clear();
         self.episodes = EpisodeCounts::default();
         (self.return_sum, self.length_sum) = (0.0, 0.0);
+        self.ended.clear();
         self.crowd = CrowdReport::default();
     }
 
@@ -163,7 +167,8 @@ impl Rollout {
 
     /// Appends what the simulator answered to the step's actions.
     pub(crate) fn push_transitions(&mut self, rooms: &Rooms) {
-        for transition in rooms.transitions() {
+        let first = self.tokens.len() - self.n_agents;
+        for (agent, transition) in rooms.transitions().iter().enumerate() {
             self.executed.push(transition.executed);
             self.rewards.push(f64::from(transition.reward));
             self.fates.push(match transition.end {
@@ -186,6 +191,7 @@ impl Rollout {
             if let Some(episode) = &transition.episode {
                 self.return_sum += episode.episode_return;
                 self.length_sum += f64::from(episode.steps);
+                self.ended.push((self.tokens[first + agent], episode.episode_return));
             }
         }
     }
@@ -243,11 +249,11 @@ impl Rollout {
     ///
     /// # Shapes
     ///
-    /// `values` is [len + A (+ truncations)], as [`Self::rows_to_value`] orders them.
+    /// `values` is [len + A (+ truncations)], as [`Self::rows_to_value`] orders them; `alphas` [M], one for each behaviour.
     pub(crate) fn estimate_advantages(
         &mut self,
         values: &[f32],
-        (alpha, weighs): (f64, AlphaWeighs),
+        (alphas, weighs): (&[f64], AlphaWeighs),
         discounts: (f64, f64),
     ) {
         let (n, n_agents) = (self.len(), self.n_agents);
@@ -261,25 +267,28 @@ impl Rollout {
         for ((row, _), &v) in self.truncated.iter().zip(truncations) {
             self.fates[*row] = StepFate::Truncated { bootstrap_value: f64::from(v) };
         }
-        let of_reward = if weighs == AlphaWeighs::Reward { alpha } else { 0.0 };
+        let of_reward = |row: usize| match weighs {
+            AlphaWeighs::Reward => alphas[self.tokens[row] as usize],
+            AlphaWeighs::Advantage => 0.0,
+        };
         let mut advantages = std::mem::take(&mut self.advantages);
         self.of_sequences(
             discounts,
             &mut advantages,
             |agent| f64::from(last[agent]),
-            |row, fate| (self.rewards[row] + of_reward * self.intrinsic[row], self.values[row], fate),
+            |row, fate| (self.rewards[row] + of_reward(row) * self.intrinsic[row], self.values[row], fate),
         );
         self.advantages = advantages;
         for ((to, advantage), value) in self.returns.iter_mut().zip(&self.advantages).zip(&self.values) {
             *to = advantage + value;
         }
         if weighs == AlphaWeighs::Advantage {
-            self.add_intrinsic_advantages(alpha, discounts);
+            self.add_intrinsic_advantages(alphas, discounts);
         }
     }
 
     /// Normalises the advantages and adds α times the normalised ones of the intrinsic rewards.
-    fn add_intrinsic_advantages(&mut self, alpha: f64, discounts: (f64, f64)) {
+    fn add_intrinsic_advantages(&mut self, alphas: &[f64], discounts: (f64, f64)) {
         let mut intrinsic = vec![0.0; self.len()];
         self.of_sequences(
             discounts,
@@ -295,7 +304,9 @@ impl Rollout {
         );
         gae::normalise(&mut self.advantages);
         gae::normalise(&mut intrinsic);
-        self.advantages.iter_mut().zip(&intrinsic).for_each(|(sum, advantage)| *sum += alpha * advantage);
+        for ((sum, advantage), token) in self.advantages.iter_mut().zip(&intrinsic).zip(&self.tokens) {
+            *sum += alphas[*token as usize] * advantage;
+        }
     }
 
     /// Advantages of each agent's own sequence: `of` gives reward, value and fate of a row with its fate, `last_value` what
@@ -363,6 +374,7 @@ mod tests {
     /// Two agents, three steps each; agent 0's episode ends at its second step.
     fn rollout() -> Rollout {
         let mut rollout = Rollout::new(3, 2, 1);
+        rollout.tokens = vec![0, 1, 0, 1, 0, 1];
         rollout.rewards = vec![1.0, 0.0, 2.0, 1.0, -1.0, 3.0];
         rollout.intrinsic = vec![0.5, 0.0, 0.25, 1.0, 0.0, 2.0];
         rollout.fates = vec![StepFate::Running; 6];
@@ -377,7 +389,7 @@ mod tests {
     fn advantages(alpha: f64, weighs: AlphaWeighs, scale: f64) -> (Vec<f64>, Vec<f64>) {
         let mut rollout = rollout();
         rollout.intrinsic.iter_mut().for_each(|reward| *reward *= scale);
-        rollout.estimate_advantages(&VALUES, (alpha, weighs), HALF);
+        rollout.estimate_advantages(&VALUES, (&[alpha; 8], weighs), HALF);
         (rollout.advantages, rollout.returns)
     }
 
@@ -434,7 +446,11 @@ mod tests {
                 let mut rollout = crowded(garbage);
                 rollout.keep_learners();
                 rollout.intrinsic = vec![0.5, 0.0, 0.25, 0.0, 2.0];
-                rollout.estimate_advantages(&[0.5, 1.0, -0.5, 1.0, 0.25, 3.0, -1.0], (0.5, weighs), HALF);
+                rollout.estimate_advantages(
+                    &[0.5, 1.0, -0.5, 1.0, 0.25, 3.0, -1.0],
+                    (&[0.5; 8], weighs),
+                    HALF,
+                );
                 (rollout.advantages, rollout.returns)
             });
             assert_eq!((&advantages, &returns), (&other.0, &other.1));
@@ -456,6 +472,24 @@ mod tests {
         // γ = 0.5, λ = 1. Agent 0: r + 2·int = 2, 2.5 | −1 with V = 0.5, −0.5 | 1 and 3 behind the last step.
         assert_eq!([found[0], found[2], found[4]], [2.0 + 0.5 * 2.5 - 0.5, 2.5 + 0.5, -1.0 + 1.5 - 1.0]);
         assert_eq!(returns[0], found[0] + 0.5);
+    }
+
+    #[test]
+    fn each_behaviour_has_its_own_weight() {
+        let mut rollout = rollout();
+        rollout.estimate_advantages(&VALUES, (&[2.0, 0.0], AlphaWeighs::Reward), HALF);
+        let (paid, unpaid) =
+            (advantages(2.0, AlphaWeighs::Reward, 1.0).0, advantages(0.0, AlphaWeighs::Reward, 1.0).0);
+        let agents = |of: &[f64], first: usize| [of[first], of[first + 2], of[first + 4]];
+        assert_eq!(agents(&rollout.advantages, 0), agents(&paid, 0));
+        assert_eq!(agents(&rollout.advantages, 1), agents(&unpaid, 1));
+        assert_ne!(agents(&paid, 1), agents(&unpaid, 1));
+
+        rollout.estimate_advantages(&VALUES, (&[0.5, 0.0], AlphaWeighs::Advantage), HALF);
+        let mut task = unpaid;
+        gae::normalise(&mut task);
+        assert_eq!(agents(&rollout.advantages, 1), agents(&task, 1));
+        assert_ne!(agents(&rollout.advantages, 0), agents(&task, 0));
     }
 
     #[test]

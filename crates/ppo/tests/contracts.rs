@@ -136,6 +136,33 @@ fn encoded_inputs_keep_the_promises() {
 }
 
 #[test]
+fn constrained_diversity_keeps_the_promises() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let half = folder.path().join("half.safetensors");
+    // Episodes of a few steps, so that enough of them end: the gate then closes for some behaviour.
+    let settings =
+        ["diversity_margin=0.01", "sim.episode.step_limit=3", "horizon=160", "n_agents=4", "alpha=0.5"];
+    let mut whole = trainer(&settings);
+    let reports = run(&mut whole, 12);
+    let paid: Vec<u64> = reports.iter().map(|report| report.paid_behaviours.expect("constrained")).collect();
+    assert!(paid.contains(&2) && paid.iter().any(|&paid| paid < 2), "{paid:?}");
+    let free = run(&mut trainer(&settings[1..]), 12);
+    assert!(free.iter().all(|report| report.paid_behaviours.is_none()));
+    assert_ne!(free.last().map(|r| r.policy_loss), reports.last().map(|r| r.policy_loss));
+    let whole = saved(&mut whole, folder.path());
+    for threads in [1, 2] {
+        let config = jostle_ppo::Config { threads, ..tiny(&settings) };
+        let mut first = Trainer::new(config.clone()).expect("valid");
+        assert_eq!(run(&mut first, 7), reports[..7]);
+        first.save(&half).expect("writable");
+        drop(first);
+        let mut second = Trainer::resume_with(&half, config).expect("a good checkpoint");
+        assert_eq!(run(&mut second, 5), reports[7..]);
+        assert_same(&saved(&mut second, folder.path()), &whole, &format!("{threads} threads"));
+    }
+}
+
+#[test]
 fn a_population_keeps_the_promises() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let (half, other) = (folder.path().join("half.safetensors"), folder.path().join("other.safetensors"));

@@ -152,6 +152,7 @@ pub(crate) fn reports(text: &str, transitions_of_update: u64) -> Result<Vec<Upda
             first_ratio_deviation: 0.0,
             entropy: number("entropy")?,
             log_std: [number("log_std_v")? as f32, number("log_std_w")? as f32],
+            paid_behaviours: None,
             crowd: None,
             clock: Clock { total: number("seconds")?, ..Clock::default() },
         };

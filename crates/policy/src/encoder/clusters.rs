@@ -3,6 +3,8 @@
 //! A person or a robot is a small cluster, a wall a large one. The full circle has no end: a cluster may run across the
 //! seam between the last beam and the first.
 
+#![allow(clippy::inline_always, reason = "what Isa::run compiles anew must be inlined into it")]
+
 use std::f64::consts::TAU;
 
 /// Neighbouring end points further apart than this belong to different clusters, m.
@@ -100,15 +102,15 @@ impl ScanClusters {
             ranges[beam] = range;
             points[beam] = [range * cos[beam], range * sin[beam]];
         }
-        // Whether a beam's end point belongs to the same cluster as that of the beam before it. No short cuts: all
-        // beams are compared at once.
-        let are_joined = |a: usize, b: usize| {
-            let met = (scan[a] < NOTHING) & (scan[b] < NOTHING);
-            met & (distance_sq(points[a], points[b]) <= GAP * GAP)
+        // Whether a beam's end point belongs to the same cluster as that of the beam before it. A miss, even a pair of them, is as
+        // far away as can be; there are no short cuts, so that all beams are compared at once.
+        let apart = |a: usize, b: usize| {
+            let missed = scan[a].max(scan[b]) >= NOTHING;
+            if missed { f32::INFINITY } else { distance_sq(points[a], points[b]) }
         };
-        joined[0] = are_joined(n - 1, 0);
-        for beam in 1..n {
-            joined[beam] = are_joined(beam - 1, beam);
+        joined[0] = apart(n - 1, 0) <= GAP * GAP;
+        for (beam, joined) in joined.iter_mut().enumerate().skip(1) {
+            *joined = apart(beam - 1, beam) <= GAP * GAP;
         }
         self.clusters.clear();
         // Where a cluster certainly begins; if all beams are one cluster, the circle is cut at the seam.

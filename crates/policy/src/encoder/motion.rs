@@ -15,6 +15,8 @@
 //! | 4 | the goal: distance/10, min(distance, 2)/2, cosine and sine of its direction |
 //! | 2 | v and ω |
 
+#![allow(clippy::inline_always, reason = "what Isa::run compiles anew must be inlined into it")]
+
 use serde::{Deserialize, Serialize};
 
 use super::clusters::{Beams, Cluster, ClusterScratch, SIZE_MAX, ScanClusters, distance_sq, run_of};

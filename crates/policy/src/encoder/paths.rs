@@ -3,6 +3,8 @@
 //! A path turns towards its direction at the largest turning rate and goes on straight; while it turns, its speed is that of
 //! the path times the cosine of what is left to turn (0 beyond a right angle). All paths are fixed in the robot's frame.
 
+#![allow(clippy::inline_always, reason = "what Isa::run compiles anew must be inlined into it")]
+
 use std::f64::consts::{PI, TAU};
 
 /// Directions of the paths, evenly spaced; the first is straight ahead.

@@ -50,6 +50,7 @@ impl Config {
         not_negative("ent_coef", self.ent_coef)?;
         not_negative("max_grad_norm", self.max_grad_norm)?;
         not_negative("alpha", self.alpha)?;
+        not_negative("diversity_margin", self.diversity_margin)?;
         self.sim.validate().map_err(|error| in_section("sim", error))?;
         self.training_crowd.validate().map_err(|error| in_section("training_crowd", error))?;
         self.check_population()?;
