@@ -1,6 +1,6 @@
 //! Shared workloads: what the criterion benches and `cargo xtask bench` time, so that both time the same.
 //!
-//! Reading order: [`clock`] (how seconds are taken), the workloads [`learners`] ("work U"), [`scenes`] (the simulator),
+//! Reading order: [`clock`] (how seconds are taken), the workloads [`learners`] ("work U"), [`large_updates`], [`scenes`] (the simulator),
 //! [`rollouts`] (simulator and actor together), [`crowds`] (ORCA, social force) and [`evaluation`]; [`products`] (the
 //! largest layer by itself), [`rates`] (what the machine can do); [`peer_work`] (the workloads that other software does, too). The other software's drivers stand in `peers/`.
 //!
@@ -14,6 +14,7 @@ pub mod crowds;
 mod documents;
 mod error;
 pub mod evaluation;
+pub mod large_updates;
 pub mod learners;
 pub mod peer_work;
 pub mod products;

@@ -6,10 +6,11 @@ use std::str::FromStr;
 use crate::clock::Round;
 use crate::crowds::OrcaScene;
 use crate::error::BenchError;
+use crate::large_updates::{LargeUpdate, Shape};
 use crate::learners::WorkU;
 use crate::scenes::{Scene, Stepping};
 
-/// A workload; its text is `update`, `forward-B`, `simulator-R` or `orca-N`.
+/// A workload; its text is `update`, `forward-B`, `learner-SHAPE`, `simulator-R` or `orca-N`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PeerWork {
     /// Work U. A unit is an update.
@@ -18,6 +19,11 @@ pub enum PeerWork {
     Forward {
         /// Rows of a call.
         batch: usize,
+    },
+    /// Acting on and learning from a large rollout. A unit is a transition.
+    Learner {
+        /// Its sizes.
+        shape: Shape,
     },
     /// Steps of rooms of five robots with 512 noisy beams. A unit is an agent-step.
     Simulator {
@@ -41,6 +47,7 @@ impl PeerWork {
         match self {
             Self::Update => "update",
             Self::Forward { .. } => "call",
+            Self::Learner { .. } => "transition",
             Self::Simulator { .. } | Self::Orca { .. } => "agent-step",
         }
     }
@@ -74,6 +81,16 @@ impl PeerWork {
                     })
                 })
             }
+            Self::Learner { shape } => {
+                let mut update = LargeUpdate::new(shape)?;
+                update.run();
+                Box::new(move || {
+                    Round::repeat(threads, || {
+                        update.run();
+                        update.transitions() as f64
+                    })
+                })
+            }
             Self::Simulator { rooms } => {
                 let mut stepping = Stepping::new(Scene { n_agents: 5, polygons: false }, rooms)?;
                 let steps = 1 + 200 / rooms;
@@ -95,6 +112,7 @@ impl fmt::Display for PeerWork {
         match self {
             Self::Update => f.write_str("update"),
             Self::Forward { batch } => write!(f, "forward-{batch}"),
+            Self::Learner { shape } => write!(f, "learner-{}", shape.name()),
             Self::Simulator { rooms } => write!(f, "simulator-{rooms}"),
             Self::Orca { agents } => write!(f, "orca-{agents}"),
         }
@@ -110,6 +128,10 @@ impl FromStr for PeerWork {
             return Ok(Self::Update);
         }
         let (kind, number) = text.split_once('-').ok_or_else(unknown)?;
+        if kind == "learner" {
+            let shape = Shape::ALL.into_iter().find(|shape| shape.name() == number).ok_or_else(unknown)?;
+            return Ok(Self::Learner { shape });
+        }
         let number = number.parse().ok().filter(|n| (1..=1_000_000).contains(n)).ok_or_else(unknown)?;
         match kind {
             "forward" if number <= crate::learners::TRANSITIONS => Ok(Self::Forward { batch: number }),
@@ -126,10 +148,20 @@ mod tests {
 
     #[test]
     fn names_are_read_back() {
-        for text in ["update", "forward-80", "simulator-1", "orca-10000"] {
+        for text in ["update", "forward-80", "learner-motion", "simulator-1", "orca-10000"] {
             assert_eq!(text.parse::<PeerWork>().expect("a workload").to_string(), text);
         }
-        for text in ["", "updates", "forward", "forward-0", "forward-641", "orca-x", "simulator--1"] {
+        for text in [
+            "",
+            "updates",
+            "forward",
+            "forward-0",
+            "forward-641",
+            "learner-",
+            "learner-u",
+            "orca-x",
+            "simulator--1",
+        ] {
             assert!(text.parse::<PeerWork>().is_err(), "{text}");
         }
     }

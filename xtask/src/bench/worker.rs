@@ -12,7 +12,7 @@ use crate::{output, provenance};
 /// Arguments of `bench worker`.
 #[derive(Args)]
 pub(super) struct WorkerArgs {
-    /// `update`, `forward-B`, `simulator-R` or `orca-N`.
+    /// `update`, `forward-B`, `learner-SHAPE`, `simulator-R` or `orca-N`.
     work: PeerWork,
     /// Worker threads.
     threads: usize,

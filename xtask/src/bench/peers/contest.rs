@@ -2,6 +2,7 @@
 
 use anyhow::{Result, bail};
 use jostle_bench::PeerWork;
+use jostle_bench::large_updates::Shape;
 
 /// Other software.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -53,6 +54,9 @@ fn all() -> Vec<Contest> {
     for (batch, asked) in [(1, None), (5, Some(0.30)), (20, None), (80, Some(0.45)), (320, Some(0.45))] {
         push(PeerWork::Forward { batch }, Peer::PyTorch, &[1, 2], asked);
     }
+    for shape in Shape::ALL {
+        push(PeerWork::Learner { shape }, Peer::PyTorch, &[1, 2], None);
+    }
     // One room has no work for a second thread.
     for peer in [Peer::IrSim, Peer::Vmas, Peer::Stage] {
         push(PeerWork::Simulator { rooms: 1 }, peer, &[1], None);
@@ -93,7 +97,7 @@ mod tests {
 
     #[test]
     fn workloads_and_peers_can_be_named() {
-        assert_eq!(chosen(&[]).expect("all").len(), 12 + 3 + 2 + 4);
+        assert_eq!(chosen(&[]).expect("all").len(), 12 + 6 + 3 + 2 + 4);
         assert_eq!(chosen(&names(&["orca-100", "vmas"])).expect("both").len(), 1 + 3);
         assert!(chosen(&names(&["orca"])).expect_err("no such name").to_string().contains("`orca`"));
     }

@@ -38,7 +38,7 @@ pub(super) struct PeersArgs {
     /// Rounds of each side.
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(5..))]
     rounds: u32,
-    /// Only these workloads or peers, such as `update`, `forward-5`, `simulator-1`, `orca-100`, `pytorch`, `vmas`.
+    /// Only these workloads or peers, such as `update`, `forward-5`, `learner-motion`, `simulator-1`, `orca-100`, `pytorch`, `vmas`.
     #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
     only: Vec<String>,
     /// Use this Python as it is, and install nothing.
