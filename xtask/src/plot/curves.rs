@@ -38,7 +38,7 @@ pub(crate) struct Curve {
     /// Which group it belongs to.
     pub(crate) group: usize,
     pub(crate) dashed: bool,
-    /// Update, mean, least, greatest.
+    /// Place on the axis, mean, least, greatest.
     pub(crate) points: Vec<[f64; 4]>,
 }
 
@@ -54,12 +54,21 @@ pub(crate) struct Panel {
     pub(crate) empty: &'static str,
 }
 
+/// What curves are drawn over.
+#[derive(Clone, Copy)]
+pub(crate) enum Axis {
+    /// Updates, from 0 to so many.
+    Updates(usize),
+    /// Transitions from the first number to the second, on a logarithmic scale.
+    Transitions(f64, f64),
+}
+
 /// All that is drawn on one page.
 #[expect(clippy::struct_field_names, reason = "a page of panels has panels")]
 pub(crate) struct Panels {
     pub(crate) labels: Vec<String>,
     pub(crate) panels: Vec<Panel>,
-    pub(crate) updates: usize,
+    pub(crate) axis: Axis,
 }
 
 /// The six panels of some groups.
@@ -128,7 +137,11 @@ pub(crate) fn panels(groups: &[Group<'_>], window: usize) -> Panels {
             of(&|run, end| run.mean(end, window, |r| Some(r.intrinsic_reward)), false, &several),
         ),
     ];
-    Panels { labels: groups.iter().map(|group| group.label.clone()).collect(), panels, updates }
+    Panels {
+        labels: groups.iter().map(|group| group.label.clone()).collect(),
+        panels,
+        axis: Axis::Updates(updates),
+    }
 }
 
 type Measure<'a> = dyn Fn(&RunLog, usize) -> Option<f64> + 'a;

@@ -4,7 +4,7 @@ use anyhow::{Context as _, Result, ensure};
 use jostle_eval::report::grid::csv_line;
 
 use super::Figure;
-use crate::plot::curves::{Curve, Panel, Panels};
+use crate::plot::curves::{Axis, Curve, Panel, Panels};
 use crate::plot::draw;
 
 /// The row whose training is shown.
@@ -65,7 +65,7 @@ fn panels(columns: Vec<Points>, n_seeds: usize, n_behaviours: usize) -> Panels {
         panel(loss, (n_behaviours as f64).ln(), losses),
         panel("Intrinsic reward of a step, before α", 0.0, curves.collect()),
     ];
-    Panels { labels: vec![label], panels, updates }
+    Panels { labels: vec![label], panels, axis: Axis::Updates(updates) }
 }
 
 /// A column of all curves, window by window as far as all of them go.

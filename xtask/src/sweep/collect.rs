@@ -1,32 +1,52 @@
-//! The results of a plan in one table: a row for each policy of each run, what training measured around it, and, where the
-//! plan asks for it, its success among each crowd.
+//! The results of a plan: a table with a row for each policy of each run, what training measured around it, and, where the plan
+//! asks for it, its success among each crowd; how the variants compare; and a figure of success against transitions.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
 
 use anyhow::{Context as _, Result};
-use jostle_eval::report::Evaluation;
 use jostle_eval::report::grid::{Grid, csv_line};
-use jostle_eval::statistics::wilson;
+use jostle_eval::report::{CellResult, Evaluation};
+use jostle_eval::statistics::{Contrast, Permutation, wilson};
 use jostle_ppo::UpdateReport;
 use jostle_ppo::report::EpisodeCounts;
 
 use super::plan::{Plan, Task};
 use super::task::Stage;
+use crate::plot::curves::{Axis, Curve, Panel, Panels};
+use crate::plot::draw;
 use crate::run_folder::write_atomically;
 use crate::runs::log::RunLog;
 
-/// Writes the table beside the runs and returns it for a terminal.
-pub(super) fn store(plan: &Plan) -> Result<String> {
+/// Writes table and figure into a folder, by default that of the runs, and returns the table for a terminal.
+pub(super) fn store(plan: &Plan, folder: Option<&Path>) -> Result<String> {
     let table = Table::of(plan)?;
-    std::fs::create_dir_all(&plan.out).with_context(|| format!("cannot create {}", plan.out.display()))?;
+    let folder = folder.unwrap_or(&plan.out);
+    std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
     let grid = table.grid();
     let note = format!(
         "Training measures are means over the {} updates up to the one named; success is that of training episodes, \
          among the run's own kind, with its 95 % interval.\n",
         plan.window
     );
-    write_atomically(&plan.out.join("results.csv"), &table.csv())?;
-    write_atomically(&plan.out.join("results.md"), &format!("{}\n{note}", grid.markdown()))?;
-    Ok(format!("{}\n{note}", grid.text()))
+    let (mut markdown, mut text) =
+        (format!("{}\n{note}", grid.markdown()), format!("{}\n{note}", grid.text()));
+    if let Some(comparison) = table.comparison() {
+        markdown += &format!("\n{}\n{COMPARED}", comparison.markdown());
+        text += &format!("\n{}\n{COMPARED}", comparison.text());
+    }
+    write_atomically(&folder.join("results.csv"), &table.csv())?;
+    write_atomically(&folder.join("results.md"), &markdown)?;
+    if let Some(panels) = table.panels() {
+        write_atomically(&folder.join("results.svg"), &draw::panels::curves(&panels)?)?;
+    }
+    Ok(text)
 }
+
+/// What stands below the comparison of variants.
+const COMPARED: &str = "Averages over the crowds at the end of training, a value for each training seed. Differences are from the first \
+                        variant, with Welch's 95 % interval; p is that of the exact permutation test, in brackets the least \
+                        that so many seeds can give.\n";
 
 /// A policy of a run, or where it stands now.
 struct Point<'p> {
@@ -54,11 +74,19 @@ const MEASURES: [Measure; 5] = [
     ("transitions_per_second", 0, |r| r.clock.total),
 ];
 
+/// Of intervals.
+const LEVEL: f64 = 0.95;
+
 struct Table<'p> {
     points: Vec<Point<'p>>,
+    /// Planners that were not learned, in the same episodes.
+    planners: Vec<(String, Evaluation)>,
     /// All crowds that anything was tested among, in the order in which they were met.
     crowds: Vec<String>,
 }
+
+/// The state of a planner in the table.
+const NOT_LEARNED: &str = "not learned";
 
 impl<'p> Table<'p> {
     fn of(plan: &'p Plan) -> Result<Self> {
@@ -66,14 +94,19 @@ impl<'p> Table<'p> {
         for task in &plan.tasks {
             points_of(plan, task, &mut points)?;
         }
+        let planners = match &plan.evaluation {
+            Some(evaluation) => evaluation.planners(&plan.out)?,
+            None => Vec::new(),
+        };
         let mut crowds: Vec<String> = Vec::new();
-        for cell in points.iter().filter_map(|point| point.evaluation.as_ref()).flat_map(|e| &e.cells) {
+        let evaluations = points.iter().filter_map(|point| point.evaluation.as_ref());
+        for cell in evaluations.chain(planners.iter().map(|(_, tested)| tested)).flat_map(|e| &e.cells) {
             let name = cell.crowd.to_string();
             if !crowds.contains(&name) {
                 crowds.push(name);
             }
         }
-        Ok(Self { points, crowds })
+        Ok(Self { points, planners, crowds })
     }
 
     /// For people.
@@ -99,17 +132,130 @@ impl<'p> Table<'p> {
                 row.push(point.measures.map_or_else(dash, |of| format!("{:.digits$}", of[index])));
             }
             row.push(format!("{:.2}", point.seconds / 3600.0));
-            let rates: Vec<Option<f64>> = self.crowds.iter().map(|crowd| point.rate(crowd)).collect();
-            row.extend(rates.iter().map(|rate| rate.map_or_else(dash, |rate| format!("{rate:.3}"))));
-            if average.is_some() {
-                let all: Option<Vec<f64>> = rates.into_iter().collect();
-                let mean = all.map(|rates| rates.iter().sum::<f64>() / rates.len() as f64);
-                row.push(mean.map_or_else(dash, |mean| format!("{mean:.3}")));
-            }
+            row.extend(self.rates(point.evaluation.as_ref()));
             grid.push(last.is_some_and(|name| name != &point.task.variant), row);
             last = Some(&point.task.variant);
         }
+        for (index, (name, tested)) in self.planners.iter().enumerate() {
+            let mut row = vec![name.clone(), NOT_LEARNED.to_owned()];
+            row.resize_with(heads.len() + measures.len(), dash);
+            row.extend(self.rates(Some(tested)));
+            grid.push(index == 0, row);
+        }
         grid
+    }
+
+    /// Success among each crowd and, with more than one, their average.
+    fn rates(&self, tested: Option<&Evaluation>) -> Vec<String> {
+        let rates: Vec<Option<f64>> = self.crowds.iter().map(|crowd| rate(tested, crowd)).collect();
+        let average = (self.crowds.len() > 1).then(|| self.average(tested));
+        let shown = |rate: Option<f64>| rate.map_or_else(dash, |rate| format!("{rate:.3}"));
+        rates.into_iter().chain(average).map(shown).collect()
+    }
+
+    /// Mean success over all crowds; `None` where one was not tested.
+    fn average(&self, tested: Option<&Evaluation>) -> Option<f64> {
+        let rates: Option<Vec<f64>> = self.crowds.iter().map(|crowd| rate(tested, crowd)).collect();
+        rates.filter(|rates| !rates.is_empty()).map(|rates| rates.iter().sum::<f64>() / rates.len() as f64)
+    }
+
+    /// The variants in the order of the plan.
+    fn variants(&self) -> Vec<&'p str> {
+        let mut names: Vec<&str> = self.points.iter().map(|point| point.task.variant.as_str()).collect();
+        let mut seen = BTreeSet::new();
+        names.retain(|name| seen.insert(*name));
+        names
+    }
+
+    /// The average of each seed of a variant whose training is done.
+    fn averages(&self, variant: &str) -> Vec<f64> {
+        let ended =
+            |point: &&Point<'_>| point.task.variant == variant && point.updates == point.task.config.updates;
+        self.points.iter().filter(ended).filter_map(|point| self.average(point.evaluation.as_ref())).collect()
+    }
+
+    /// How the variants compare at the end of training; `None` where fewer than two have been tested.
+    fn comparison(&self) -> Option<Grid> {
+        let all: Vec<(&str, Vec<f64>)> =
+            self.variants().into_iter().map(|name| (name, self.averages(name))).collect();
+        if all.iter().filter(|(_, averages)| !averages.is_empty()).count() < 2 {
+            return None;
+        }
+        let mut grid = Grid::new(["variant", "seeds", "average", "least–greatest", "difference", "p"]);
+        let (_, first) = &all[0];
+        for (index, (name, averages)) in all.iter().enumerate() {
+            let mut row = vec![(*name).to_owned(), averages.len().to_string()];
+            let mean = averages.iter().sum::<f64>() / averages.len().max(1) as f64;
+            let ends =
+                averages.iter().fold((f64::INFINITY, 0.0_f64), |(low, high), x| (low.min(*x), high.max(*x)));
+            row.push(if averages.is_empty() { dash() } else { format!("{mean:.3}") });
+            row.push(if averages.is_empty() { dash() } else { format!("{:.3}–{:.3}", ends.0, ends.1) });
+            let negated: Vec<f64> = first.iter().map(|average| -average).collect();
+            let contrast = (index > 0).then(|| Contrast::of(&[averages.clone(), negated])).flatten();
+            row.push(contrast.map_or_else(dash, |contrast| {
+                let ends = contrast.interval(LEVEL);
+                format!("{:+.3} ({:+.3} to {:+.3})", contrast.estimate, ends.low, ends.high)
+            }));
+            let permutation = contrast.and_then(|_| Permutation::of(averages, first));
+            row.push(permutation.map_or_else(dash, |test| format!("{:.2} ({:.2})", test.p, test.least_p)));
+            grid.push(false, row);
+        }
+        Some(grid)
+    }
+
+    /// Success among each crowd, success among its own kind and D against transitions; `None` where nothing was tested.
+    fn panels(&self) -> Option<Panels> {
+        let variants = self.variants();
+        let trained = self.points.iter().filter(|point| point.updates > 0);
+        let ends = trained.fold((f64::INFINITY, 0.0_f64), |(low, high), point| {
+            (low.min(point.transitions as f64), high.max(point.transitions as f64))
+        });
+        if self.crowds.is_empty() || ends.0 >= ends.1 {
+            return None;
+        }
+        let panel = |title: String, range, levels, of: &dyn Fn(&Point<'_>) -> Option<f64>| {
+            let curves = variants.iter().enumerate().map(|(group, variant)| {
+                let points = self.points.iter().filter(|point| point.task.variant == *variant);
+                Curve { group, dashed: false, points: bands(points, of) }
+            });
+            Panel { title, range, levels, curves: curves.collect(), empty: "not tested" }
+        };
+        let mut panels = Vec::new();
+        for crowd in &self.crowds {
+            let levels = self.planners.iter().filter_map(|(_, tested)| rate(Some(tested), crowd)).collect();
+            panels.push(panel(format!("Success among {crowd}"), None, levels, &|point| {
+                rate(point.evaluation.as_ref(), crowd)
+            }));
+        }
+        if self.crowds.len() > 1 {
+            let levels = self.planners.iter().filter_map(|(_, tested)| self.average(Some(tested))).collect();
+            let average = |point: &Point<'_>| self.average(point.evaluation.as_ref());
+            panels.push(panel("Success, average over the crowds".to_owned(), None, levels, &average));
+        }
+        let own = |point: &Point<'_>| point.episodes_share(point.episodes.success);
+        panels.push(panel("Success of training episodes".to_owned(), Some((0.0, 1.0)), vec![], &own));
+        let several = |point: &Point<'_>| {
+            point.measures.filter(|_| point.task.config.n_behaviours > 1).map(|measures| measures[0])
+        };
+        panels.push(panel("D: mean KL between behaviours (nats)".to_owned(), None, vec![], &several));
+        let labels = variants.iter().map(|variant| {
+            let seeds: BTreeSet<u64> = self
+                .points
+                .iter()
+                .filter(|point| point.task.variant == *variant && point.updates > 0)
+                .map(|point| point.task.config.seed)
+                .collect();
+            match seeds.len() {
+                1 => format!("{variant} (1 seed)"),
+                n => format!("{variant} ({n} seeds: mean, least to greatest)"),
+            }
+        });
+        let mut labels: Vec<String> = labels.collect();
+        if let Some((first, others)) = self.planners.split_first() {
+            let names = others.iter().fold(first.0.clone(), |all, (name, _)| format!("{all}, {name}"));
+            labels.push(format!("dotted: {names}"));
+        }
+        Some(Panels { labels, panels, axis: Axis::Transitions(ends.0, ends.1) })
     }
 
     /// For programs, with all digits.
@@ -145,7 +291,18 @@ impl<'p> Table<'p> {
             row.extend(measures.unwrap_or_default());
             row.push(point.seconds.to_string());
             for crowd in &self.crowds {
-                let summary = point.cell(crowd).map(|cell| &cell.summary);
+                let summary = cell(point.evaluation.as_ref(), crowd).map(|cell| &cell.summary);
+                let counts = summary.map(|s| [s.episodes, s.success].map(|count| count.to_string()));
+                row.extend(counts.unwrap_or_default());
+            }
+            text += &csv_line(row);
+        }
+        let n_measures = MEASURES.len() + 1;
+        for (name, tested) in &self.planners {
+            let mut row = vec![name.clone(), NOT_LEARNED.to_owned()];
+            row.resize(12 + n_measures, String::new());
+            for crowd in &self.crowds {
+                let summary = cell(Some(tested), crowd).map(|cell| &cell.summary);
                 let counts = summary.map(|s| [s.episodes, s.success].map(|count| count.to_string()));
                 row.extend(counts.unwrap_or_default());
             }
@@ -155,15 +312,35 @@ impl<'p> Table<'p> {
     }
 }
 
+fn cell<'e>(tested: Option<&'e Evaluation>, crowd: &str) -> Option<&'e CellResult> {
+    tested?.cells.iter().find(|cell| cell.crowd.to_string() == crowd)
+}
+
+fn rate(tested: Option<&Evaluation>, crowd: &str) -> Option<f64> {
+    cell(tested, crowd)?.summary.success_rate
+}
+
+/// Mean, least and greatest of a measure over the points with as many transitions each.
+fn bands<'a>(
+    points: impl Iterator<Item = &'a Point<'a>>,
+    of: &dyn Fn(&Point<'_>) -> Option<f64>,
+) -> Vec<[f64; 4]> {
+    let mut at: BTreeMap<u64, Vec<f64>> = BTreeMap::new();
+    for point in points {
+        if let Some(value) = of(point) {
+            at.entry(point.transitions).or_default().push(value);
+        }
+    }
+    let band = |(transitions, values): (u64, Vec<f64>)| {
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        let (least, greatest) =
+            values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, g), v| (l.min(*v), g.max(*v)));
+        [transitions as f64, mean, least, greatest]
+    };
+    at.into_iter().map(band).collect()
+}
+
 impl Point<'_> {
-    fn cell(&self, crowd: &str) -> Option<&jostle_eval::report::CellResult> {
-        self.evaluation.as_ref()?.cells.iter().find(|cell| cell.crowd.to_string() == crowd)
-    }
-
-    fn rate(&self, crowd: &str) -> Option<f64> {
-        self.cell(crowd)?.summary.success_rate
-    }
-
     fn episodes_share(&self, count: u64) -> Option<f64> {
         (self.episodes.ended > 0).then(|| count as f64 / self.episodes.ended as f64)
     }

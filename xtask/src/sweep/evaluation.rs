@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
 use clap::{ArgAction, Args as _, Command, FromArgMatches as _};
+use jostle_eval::planners::Planner;
 use jostle_eval::report::Evaluation;
 use jostle_ppo::Config;
 use toml::{Table, Value};
@@ -30,6 +31,8 @@ pub(super) struct EvaluationPlan {
     words: Vec<String>,
     /// Whether the policies of the milestones are tested, too.
     milestones: bool,
+    /// Planners that were not learned, tested in the same episodes to compare with.
+    planners: Vec<String>,
 }
 
 /// A policy of a run that the plan tests.
@@ -46,6 +49,12 @@ impl EvaluationPlan {
     pub(super) fn read(mut section: Section) -> Result<Self> {
         let source = section.table().clone();
         let milestones = section.optional("milestones", "true or false")?.unwrap_or(false);
+        let expected = "a list of planners";
+        let planners: Vec<String> = section.optional("planners", expected)?.unwrap_or_default();
+        if let Some(unknown) = planners.iter().find(|name| name.parse::<Planner>().is_err()) {
+            let known = Planner::ALL.map(Planner::name);
+            bail!(section.refusal("planners", &format!("{unknown:?}"), &nearest(unknown, &known)));
+        }
         let command = command();
         let options: Vec<&str> = command
             .get_arguments()
@@ -61,7 +70,7 @@ impl EvaluationPlan {
             else {
                 let keys: Vec<String> = options.iter().map(|long| long.replace('-', "_")).collect();
                 let mut keys: Vec<&str> = keys.iter().map(String::as_str).collect();
-                keys.push("milestones");
+                keys.extend(["milestones", "planners"]);
                 bail!(section.refusal(&key, "an unknown key", &nearest(&key, &keys)));
             };
             let before = words.len();
@@ -73,7 +82,7 @@ impl EvaluationPlan {
                 bail!(section.refusal(&key, &shown(&value), &format!("what `evaluate` takes: {reason}")));
             }
         }
-        Ok(Self { source, words, milestones })
+        Ok(Self { source, words, milestones, planners })
     }
 
     /// Refuses what would stop the test of runs of this configuration.
@@ -114,9 +123,7 @@ impl EvaluationPlan {
             if self.result(&tested)?.is_some() {
                 continue;
             }
-            let evaluation = evaluate(&self.arguments(&tested.policy, &tested.folder)?)?;
-            write_atomically(&tested.folder.join("result.json"), &evaluation.json())?;
-            write_atomically(&tested.folder.join(ASKED), &self.asked())?;
+            self.test(&tested)?;
         }
         Ok(())
     }
@@ -140,6 +147,29 @@ impl EvaluationPlan {
             }
         }
         Ok(true)
+    }
+
+    /// The plan's planners with their results, tested now where they have not been, below `out`.
+    pub(super) fn planners(&self, out: &Path) -> Result<Vec<(String, Evaluation)>> {
+        self.planners
+            .iter()
+            .map(|name| {
+                let folder = out.join("planners").join(name);
+                let tested = Tested { updates: 0, policy: name.into(), folder };
+                let result = match self.result(&tested)? {
+                    Some(found) => found,
+                    None => self.test(&tested)?,
+                };
+                Ok((name.clone(), result))
+            })
+            .collect()
+    }
+
+    fn test(&self, tested: &Tested) -> Result<Evaluation> {
+        let evaluation = evaluate(&self.arguments(&tested.policy, &tested.folder)?)?;
+        write_atomically(&tested.folder.join("result.json"), &evaluation.json())?;
+        write_atomically(&tested.folder.join(ASKED), &self.asked())?;
+        Ok(evaluation)
     }
 
     fn asked(&self) -> String {

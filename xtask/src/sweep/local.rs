@@ -70,7 +70,7 @@ pub(super) fn run(plan: &Plan, jobs: usize) -> Result<ExitCode> {
         running = still;
         board.show(&running, (done, waiting.len(), failed.len(), plan.tasks.len()));
     }
-    output::result(&collect::store(plan)?)?;
+    output::result(&collect::store(plan, None)?)?;
     for name in &failed {
         note(&format!("sweep: {name} failed; the same command tries it again"));
     }

@@ -8,7 +8,9 @@
 //! OUT/m5-seed1/                  a run folder (crate::run_folder)
 //! OUT/m5-seed1/evaluation/       what `[evaluate]` asked for, a folder for each policy
 //! OUT/logs/m5-seed1.txt          what its processes said, a line every few seconds
+//! OUT/planners/dwa/              planners to compare with, in the same episodes
 //! OUT/results.csv, results.md    the table
+//! OUT/results.svg                success against transitions
 //! OUT/slurm/                     what was submitted to a cluster
 //! ```
 //!
@@ -70,10 +72,13 @@ enum Action {
         /// The plan.
         plan: PathBuf,
     },
-    /// Print the table of results so far, and write it beside the runs.
+    /// Print the table of results so far, and write it beside the runs with a figure.
     Collect {
         /// The plan.
         plan: PathBuf,
+        /// Folder for results.csv, results.md and results.svg (default: the plan's `out`).
+        #[arg(long, value_name = "DIR")]
+        store: Option<PathBuf>,
     },
     /// Do one run of the plan in this process.
     Task(task::TaskArgs),
@@ -93,7 +98,9 @@ pub(crate) fn submit(out: &Path, runs: Vec<(String, Config)>, slurm: SlurmPlan) 
 pub(crate) fn run(args: &SweepArgs) -> Result<ExitCode> {
     match &args.action {
         Some(Action::Status { plan }) => output::result(&status::table(&Plan::load(plan)?)?)?,
-        Some(Action::Collect { plan }) => output::result(&collect::store(&Plan::load(plan)?)?)?,
+        Some(Action::Collect { plan, store }) => {
+            output::result(&collect::store(&Plan::load(plan)?, store.as_deref())?)?;
+        }
         Some(Action::Task(args)) => task::run(args)?,
         None => {
             // clap asks for it; its own words for a missing one are better than ours.

@@ -4,7 +4,7 @@ use anyhow::Result;
 use plotters::prelude::*;
 use plotters::style::text_anchor::VPos;
 
-use super::super::curves::{Panel, Panels};
+use super::super::curves::{Axis, Panel, Panels};
 use super::{Area, DARK, Entry, FONT, GREY, PALE, WIDTH, centred, ink, legend, legend_height, sheet};
 
 /// Size of a panel.
@@ -28,21 +28,57 @@ pub(crate) fn curves(panels: &Panels) -> Result<String> {
         legend(&strip, &entries)?;
         let cells = body.split_evenly((n_lines as usize, n_columns as usize));
         for (panel, cell) in panels.panels.iter().zip(cells) {
-            draw_panel(&cell, panel, panels.updates)?;
+            draw_panel(&cell, panel, panels.axis)?;
         }
         Ok(())
     })
 }
 
-fn draw_panel(cell: &Area<'_>, panel: &Panel, updates: usize) -> Result<()> {
+impl Axis {
+    /// Its ends, in the coordinate that is drawn.
+    fn ends(self) -> (f64, f64) {
+        match self {
+            Self::Updates(n) => (0.0, (n as f64).max(1.0)),
+            Self::Transitions(from, to) => (from.log10(), to.log10()),
+        }
+    }
+
+    fn place(self, x: f64) -> f64 {
+        match self {
+            Self::Updates(_) => x,
+            Self::Transitions(..) => x.log10(),
+        }
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Updates(_) => "updates",
+            Self::Transitions(..) => "transitions (millions, logarithmic)",
+        }
+    }
+
+    /// A tick's number.
+    fn label(self, drawn: f64) -> String {
+        match self {
+            Self::Updates(_) => format!("{drawn:.0}"),
+            Self::Transitions(..) => {
+                let millions = 10_f64.powf(drawn - 6.0);
+                if millions < 9.95 { format!("{millions:.1}") } else { format!("{millions:.0}") }
+            }
+        }
+    }
+}
+
+fn draw_panel(cell: &Area<'_>, panel: &Panel, axis: Axis) -> Result<()> {
     let (low, high) = panel.range.unwrap_or_else(|| range(panel));
+    let (left, right) = axis.ends();
     let mut chart = ChartBuilder::on(cell)
         .margin(8)
         .margin_right(18)
         .caption(&panel.title, (FONT, 15).into_font().color(&DARK))
         .x_label_area_size(36)
         .y_label_area_size(52)
-        .build_cartesian_2d(0.0..(updates as f64).max(1.0), low..high)?;
+        .build_cartesian_2d(left..right, low..high)?;
     chart
         .configure_mesh()
         .light_line_style(TRANSPARENT)
@@ -50,24 +86,24 @@ fn draw_panel(cell: &Area<'_>, panel: &Panel, updates: usize) -> Result<()> {
         .axis_style(GREY)
         .x_labels(5)
         .y_labels(6)
-        .x_label_formatter(&|x| format!("{x:.0}"))
+        .x_label_formatter(&|x| axis.label(*x))
         .y_label_formatter(&|y| short(*y, high - low))
-        .x_desc("updates")
+        .x_desc(axis.name())
         .label_style((FONT, 12).into_font().color(&GREY))
         .draw()?;
     for level in &panel.levels {
-        let ends = [(0.0, *level), (updates as f64, *level)];
+        let ends = [(left, *level), (right, *level)];
         chart.draw_series(DashedLineSeries::new(ends, 2, 4, GREY.stroke_width(1)))?;
     }
     for curve in &panel.curves {
         let color = ink(curve.group);
-        let up = curve.points.iter().map(|p| (p[0], p[3]));
-        let down = curve.points.iter().rev().map(|p| (p[0], p[2]));
+        let up = curve.points.iter().map(|p| (axis.place(p[0]), p[3]));
+        let down = curve.points.iter().rev().map(|p| (axis.place(p[0]), p[2]));
         if curve.points.iter().any(|p| p[3] > p[2]) {
             chart
                 .draw_series([Polygon::new(up.chain(down).collect::<Vec<_>>(), color.mix(0.18).filled())])?;
         }
-        let mean = curve.points.iter().map(|p| (p[0], p[1]));
+        let mean = curve.points.iter().map(|p| (axis.place(p[0]), p[1]));
         let style = color.stroke_width(2);
         if curve.dashed {
             chart.draw_series(DashedLineSeries::new(mean, 5, 3, style))?;
@@ -105,7 +141,14 @@ fn short(value: f64, width: f64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::short;
+    use super::{Axis, short};
+
+    #[test]
+    fn decades_of_transitions_are_equally_wide() {
+        let axis = Axis::Transitions(1e6, 1e8);
+        assert_eq!(axis.ends(), (6.0, 8.0));
+        assert_eq!((axis.place(1e7), axis.label(7.0).as_str(), axis.label(6.5).as_str()), (7.0, "10", "3.2"));
+    }
 
     #[test]
     fn ticks_have_the_digits_that_they_need() {
