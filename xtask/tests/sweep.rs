@@ -53,7 +53,7 @@ fn a_sweep_trains_tests_and_collects_and_a_second_call_does_nothing() {
     let plan = plan(
         folder.path(),
         "milestones = [40]",
-        "[evaluate]\ncrowds = [\"VO\"]\nepisodes = 2\nagents = 3\nmilestones = true\n",
+        "[evaluate]\ncrowds = [\"VO\"]\nepisodes = 2\nagents = 3\nmilestones = true\nplanners = [\"straight\"]\n",
     );
     let printed = accepted(&["sweep", text(&plan), "--jobs", "2"]);
     let out = folder.path().join("runs");
@@ -69,10 +69,33 @@ fn a_sweep_trains_tests_and_collects_and_a_second_call_does_nothing() {
     let heads: Vec<&str> = lines.next().unwrap().split(',').collect();
     let rows: Vec<BTreeMap<&str, &str>> =
         lines.map(|line| heads.iter().copied().zip(line.split(',')).collect()).collect();
-    assert_eq!(rows.len(), 8);
+    assert_eq!(rows.len(), 8 + 1);
+    let planner = rows[8].clone();
+    assert_eq!(
+        (planner["run"], planner["variant"], planner["VO_episodes"]),
+        ("straight", "not learned", "2")
+    );
+    let rows = &rows[..8];
     assert_eq!((rows[0]["updates"], rows[0]["transitions"]), ("2", "64"));
     assert_eq!((rows[1]["updates"], rows[1]["transitions"]), ("4", "128"));
     assert!(rows.iter().all(|row| row["VO_episodes"] == "2" && row["state"] == "done"), "{csv}");
+    let table = fs::read_to_string(out.join("results.md")).unwrap();
+    // Both variants with two seeds, the second with its difference from the first.
+    assert!(
+        table.contains("| m1 | 2 | ") && table.contains("| m2 | 2 | ") && table.contains(" (0.33) |"),
+        "{table}"
+    );
+    let summary = fs::read_to_string(out.join("summary.md")).unwrap();
+    assert!(
+        summary.contains("| m2 | 0.0 M | 2 | ") && summary.contains("| straight (not learned) | "),
+        "{summary}"
+    );
+    let figure = fs::read_to_string(out.join("results.svg")).unwrap();
+    let titles = ["Success among VO", "Success of training episodes", "m2 (2 seeds", "dotted: straight"];
+    assert!(titles.iter().all(|title| figure.contains(title)), "{figure}");
+    let elsewhere = folder.path().join("elsewhere");
+    accepted(&["sweep", "collect", text(&plan), "--store", text(&elsewhere)]);
+    assert_eq!(fs::read_to_string(elsewhere.join("results.md")).unwrap(), table);
     let before = policies(&out);
     let again = xtask(&["sweep", text(&plan)]);
     let message = String::from_utf8(again.stderr).unwrap();

@@ -11,23 +11,27 @@ use crate::output::note;
 use crate::provenance::workspace;
 use crate::run_folder::{read_optional, write_atomically};
 
-/// The pictures of the page.
-const FIGURES: [&str; 2] = ["figure-loss.svg", "figure-paths.svg"];
+/// The pictures of the pages: where they are below `results/`, and their names in `docs/images/`.
+const FIGURES: [(&str, &str); 3] = [
+    ("figure-loss.svg", "figure-loss.svg"),
+    ("figure-paths.svg", "figure-paths.svg"),
+    ("study/results.svg", "study.svg"),
+];
 
 /// What stands for a result that is not there.
 const NOTHING: &str = "*Not run yet.*\n";
 
 /// The pages with tables, the one with all of them first.
-const PAGES: [&str; 2] = ["docs/reproduction.md", "README.md"];
+const PAGES: [&str; 3] = ["docs/reproduction.md", "README.md", "docs/study.md"];
 
 /// Fills the pages from a folder of results.
 pub(super) fn fill_all(results: &Path) -> Result<()> {
     for page in PAGES {
         fill(&workspace().join(page), results)?;
     }
-    for name in FIGURES {
-        if let Some(picture) = read_optional(&results.join(name))? {
-            write_atomically(&workspace().join("docs/images").join(name), &picture)?;
+    for (from, to) in FIGURES {
+        if let Some(picture) = read_optional(&results.join(from))? {
+            write_atomically(&workspace().join("docs/images").join(to), &picture)?;
         }
     }
     note(&format!("{}: filled from {}", PAGES.join(", "), results.display()));
@@ -97,15 +101,20 @@ mod tests {
             let text = std::fs::read_to_string(workspace().join(page)).unwrap();
             let expected = filled(&text, &workspace().join("results")).unwrap();
             assert!(text == expected, "{page}: run `cargo xtask reproduce page`: results/ has changed");
+            if page == "docs/study.md" {
+                assert!(text.contains("<!-- begin: study/summary -->"));
+                continue;
+            }
             let names = ["table1", "table2", "table3", "table4", "table5", "claims", "tokens", "outcomes"];
             let n_tables = if page == PAGES[0] { names.len() } else { 1 };
             for name in &names[..n_tables] {
                 assert!(text.contains(&format!("<!-- begin: {name} -->")), "{page}: {name}");
             }
         }
-        for name in FIGURES {
-            let read = |folder: &str| read_optional(&workspace().join(folder).join(name)).unwrap();
-            assert!(read("results") == read("docs/images"), "{name}: run `cargo xtask reproduce page`");
+        for (from, to) in FIGURES {
+            let read = |path: &str| read_optional(&workspace().join(path)).unwrap();
+            let (result, picture) = (read(&format!("results/{from}")), read(&format!("docs/images/{to}")));
+            assert!(result == picture, "{to}: run `cargo xtask reproduce page`");
         }
     }
 }

@@ -35,6 +35,13 @@ pub(super) fn store(plan: &Plan, folder: Option<&Path>) -> Result<String> {
         markdown += &format!("\n{}\n{COMPARED}", comparison.markdown());
         text += &format!("\n{}\n{COMPARED}", comparison.text());
     }
+    if let Some(summary) = table.summary() {
+        let mut page = format!("{}\n{AVERAGED}", summary.markdown());
+        if let Some(comparison) = table.comparison() {
+            page += &format!("\n{}\n{COMPARED}", comparison.markdown());
+        }
+        write_atomically(&folder.join("summary.md"), &page)?;
+    }
     write_atomically(&folder.join("results.csv"), &table.csv())?;
     write_atomically(&folder.join("results.md"), &markdown)?;
     if let Some(panels) = table.panels() {
@@ -43,6 +50,9 @@ pub(super) fn store(plan: &Plan, folder: Option<&Path>) -> Result<String> {
     Ok(text)
 }
 
+/// What stands below the summary.
+const AVERAGED: &str = "Means over the training seeds; in brackets the least and the greatest seed's average. Own: success of training \
+                        episodes, among the run's own kind.\n";
 /// What stands below the comparison of variants.
 const COMPARED: &str = "Averages over the crowds at the end of training, a value for each training seed. Differences are from the first \
                         variant, with Welch's 95 % interval; p is that of the exact permutation test, in brackets the least \
@@ -172,6 +182,56 @@ impl<'p> Table<'p> {
         let ended =
             |point: &&Point<'_>| point.task.variant == variant && point.updates == point.task.config.updates;
         self.points.iter().filter(ended).filter_map(|point| self.average(point.evaluation.as_ref())).collect()
+    }
+
+    /// Each variant after as many transitions, over its seeds, and the planners; `None` where nothing was tested.
+    fn summary(&self) -> Option<Grid> {
+        if self.crowds.is_empty() {
+            return None;
+        }
+        let heads = ["variant", "transitions", "seeds", "own", "D", "σ v"].into_iter();
+        let crowds = self.crowds.iter().map(String::as_str);
+        let mut grid = Grid::new(heads.chain(crowds).chain(["average"]));
+        for variant in self.variants() {
+            let tested = self.points.iter().filter(|p| p.task.variant == variant && p.evaluation.is_some());
+            let mut at: BTreeMap<u64, Vec<&Point<'_>>> = BTreeMap::new();
+            tested.for_each(|point| at.entry(point.transitions).or_default().push(point));
+            for (index, (transitions, points)) in at.into_iter().enumerate() {
+                let mean = |of: &dyn Fn(&Point<'_>) -> Option<f64>, digits: usize| {
+                    let values: Option<Vec<f64>> = points.iter().map(|point| of(point)).collect();
+                    let mean = values.map(|values| values.iter().sum::<f64>() / values.len() as f64);
+                    mean.map_or_else(dash, |mean| format!("{mean:.digits$}"))
+                };
+                let millions = format!("{:.1} M", transitions as f64 / 1e6);
+                let mut row = vec![variant.to_owned(), millions, points.len().to_string()];
+                row.push(mean(&|point| point.episodes_share(point.episodes.success), 3));
+                let several = |point: &Point<'_>| point.task.config.n_behaviours > 1;
+                row.push(mean(&|point| point.measures.filter(|_| several(point)).map(|of| of[0]), 2));
+                row.push(mean(&|point| point.measures.map(|of| of[1]), 2));
+                for crowd in &self.crowds {
+                    row.push(mean(&|point| rate(point.evaluation.as_ref(), crowd), 3));
+                }
+                let average = |point: &Point<'_>| self.average(point.evaluation.as_ref());
+                let ends = points
+                    .iter()
+                    .filter_map(|point| average(point))
+                    .fold((f64::INFINITY, 0.0_f64), |(low, high), x| (low.min(x), high.max(x)));
+                row.push(format!("**{}** ({:.3}–{:.3})", mean(&average, 3), ends.0, ends.1));
+                grid.push(index == 0, row);
+            }
+        }
+        for (index, (name, tested)) in self.planners.iter().enumerate() {
+            let mut row = vec![format!("{name} ({NOT_LEARNED})")];
+            row.resize_with(6, dash);
+            row.extend(
+                self.crowds
+                    .iter()
+                    .map(|crowd| rate(Some(tested), crowd).map_or_else(dash, |rate| format!("{rate:.3}"))),
+            );
+            row.push(self.average(Some(tested)).map_or_else(dash, |rate| format!("**{rate:.3}**")));
+            grid.push(index == 0, row);
+        }
+        Some(grid)
     }
 
     /// How the variants compare at the end of training; `None` where fewer than two have been tested.

@@ -10,6 +10,7 @@
 //! OUT/logs/m5-seed1.txt          what its processes said, a line every few seconds
 //! OUT/planners/dwa/              planners to compare with, in the same episodes
 //! OUT/results.csv, results.md    the table
+//! OUT/summary.md                 means over seeds, variant by variant
 //! OUT/results.svg                success against transitions
 //! OUT/slurm/                     what was submitted to a cluster
 //! ```
@@ -76,7 +77,7 @@ enum Action {
     Collect {
         /// The plan.
         plan: PathBuf,
-        /// Folder for results.csv, results.md and results.svg (default: the plan's `out`).
+        /// Folder for results.csv, results.md, summary.md and results.svg (default: the plan's `out`).
         #[arg(long, value_name = "DIR")]
         store: Option<PathBuf>,
     },
