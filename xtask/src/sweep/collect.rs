@@ -32,13 +32,13 @@ pub(super) fn store(plan: &Plan, folder: Option<&Path>) -> Result<String> {
     let (mut markdown, mut text) =
         (format!("{}\n{note}", grid.markdown()), format!("{}\n{note}", grid.text()));
     if let Some(comparison) = table.comparison() {
-        markdown += &format!("\n{}\n{COMPARED}", comparison.markdown());
-        text += &format!("\n{}\n{COMPARED}", comparison.text());
+        markdown = [&markdown, "\n", &comparison.markdown(), "\n", COMPARED].concat();
+        text = [&text, "\n", &comparison.text(), "\n", COMPARED].concat();
     }
     if let Some(summary) = table.summary() {
         let mut page = format!("{}\n{AVERAGED}", summary.markdown());
         if let Some(comparison) = table.comparison() {
-            page += &format!("\n{}\n{COMPARED}", comparison.markdown());
+            page = [&page, "\n", &comparison.markdown(), "\n", COMPARED].concat();
         }
         write_atomically(&folder.join("summary.md"), &page)?;
     }
