@@ -170,8 +170,7 @@ pub(crate) fn train(
     claim(&run, config, folder, resume)?;
     let mut trainer = newest_trainer(&run, config)?;
     // Only now: what cannot be trained leaves no trace in the folder.
-    let mut stored = config.clone();
-    stored.sim.room = stored.sim.room.as_named_in(folder);
+    let stored = config.as_named_in(folder);
     run.store_config(&toml::to_string(&stored).context("a configuration that is no TOML")?)?;
     let found = updates(&trainer);
     if found > config.updates {
@@ -249,7 +248,7 @@ fn claim(run: &RunFolder, config: &Config, folder: &Path, resume: bool) -> Resul
     if let Some(text) = run.stored_config()? {
         let none: &[&str] = &[];
         let mut stored = Config::parse(&text, &format!("{shown}/config.toml"), none)?;
-        stored.sim.room.stored_in(folder);
+        stored.stored_in(folder);
         let (found, wanted) = (stored.hash(), config.hash());
         if found != wanted {
             bail!(

@@ -154,8 +154,7 @@ impl Trainer {
 
     /// The metadata of a file in `folder`.
     fn metadata(&self, folder: &Path) -> BTreeMap<String, String> {
-        let mut config = self.config.clone();
-        config.sim.room = config.sim.room.as_named_in(folder);
+        let config = self.config.as_named_in(folder);
         let network = network_json(&config.network_config());
         let sim = serde_json::to_string(&config.sim).expect("the simulator's configuration is plain data");
         let fields = [
@@ -260,7 +259,7 @@ fn open(path: &Path) -> Result<TensorFile, PpoError> {
 fn stored_config(file: &TensorFile) -> Result<Config, PpoError> {
     let label = format!("{} (metadata config)", file.path().display());
     let mut config = Config::parse(file.metadata_value("config")?, &label, &[] as &[&str])?;
-    config.sim.room.stored_in(file.path().parent().unwrap_or(Path::new("")));
+    config.stored_in(file.path().parent().unwrap_or(Path::new("")));
     Ok(config)
 }
 

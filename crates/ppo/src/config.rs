@@ -10,6 +10,7 @@ use jostle_policy::{Backend, NetworkConfig};
 use jostle_sim::{SimConfig, TrainingCrowd};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
+use std::path::Path;
 
 mod check;
 mod load;
@@ -304,18 +305,41 @@ impl Config {
         }
     }
 
-    /// SHA-256 of [`Self::canonical_toml`] in hexadecimal: two runs of the same hash have the same curve. Of a map's path
-    /// only the file's name counts, since the folder is another on each machine; what is in the file is known by
-    /// [`jostle_sim::maps::sha256`], which a checkpoint holds beside this hash.
+    /// Says that a file in `folder` names the map and the population's files: relative paths start there.
+    pub fn named_in(&mut self, folder: &Path) {
+        self.sim.room.named_in(folder);
+        self.population.named_in(folder);
+    }
+
+    /// As [`Self::named_in`], for what this program has written. Earlier versions wrote paths as they were given, relative
+    /// to the working directory: they are taken from there if nothing lies where the folder says.
+    pub fn stored_in(&mut self, folder: &Path) {
+        self.sim.room.stored_in(folder);
+        self.population.stored_in(folder);
+    }
+
+    /// The configuration as a file in `folder` names it: relative paths lead from there to the same files.
+    #[must_use]
+    pub fn as_named_in(&self, folder: &Path) -> Self {
+        let mut config = self.clone();
+        config.sim.room = self.sim.room.as_named_in(folder);
+        config.population = self.population.as_named_in(folder);
+        config
+    }
+
+    /// SHA-256 of [`Self::canonical_toml`] in hexadecimal: two runs of the same hash have the same curve. Of the paths of a map
+    /// and of the population's files only names count, since the folders are others on each machine; what is in the files
+    /// is known by [`jostle_sim::maps::sha256`] and [`crate::OpponentRecord`], which a checkpoint holds beside this hash.
     pub fn hash(&self) -> String {
         let mut named = self.clone();
+        named.population = self.population.by_name();
         if let Some(map) = &mut named.sim.room.map {
             *map = map.file_name().map_or_else(|| map.clone(), Into::into);
         }
         named.hash_with_path()
     }
 
-    /// As [`Self::hash`], with the map's path as it is written: the hash of earlier versions.
+    /// As [`Self::hash`], with all paths as they are written: the hash of earlier versions.
     pub(crate) fn hash_with_path(&self) -> String {
         jostle_policy::hex(&Sha256::digest(self.canonical_toml().as_bytes()))
     }
@@ -374,6 +398,33 @@ mod tests {
         assert_eq!(with("maps/office.toml"), with("/somewhere/else/office.toml"));
         assert_ne!(with("office.toml"), with("hall.toml"));
         assert_ne!(with("office.toml"), Config::default().hash());
+    }
+
+    #[test]
+    fn of_a_population_names_are_part_of_the_hash() {
+        let with = |files: &[&str]| {
+            let set = [format!("population.files={files:?}"), "training_crowd.opponents=0.5".to_owned()];
+            Config::parse("", "a", &set).unwrap().hash()
+        };
+        let hash = with(&["pool/a.safetensors", "b.safetensors"]);
+        assert_eq!(with(&["/elsewhere/a.safetensors", "../b.safetensors"]), hash);
+        assert_ne!(
+            with(&["b.safetensors", "a.safetensors"]),
+            hash,
+            "which of them drives is drawn by its place"
+        );
+        // Every run has such a checkpoint: which run is told.
+        let of_run = with(&["runs/m1-seed3/checkpoints/005000.safetensors"]);
+        assert_eq!(with(&["/elsewhere/m1-seed3/checkpoints/005000.safetensors"]), of_run);
+        assert_eq!(with(&["runs/m1-seed3/../m1-seed3/checkpoints/005000.safetensors"]), of_run);
+        assert_ne!(with(&["runs/m1-seed2/checkpoints/005000.safetensors"]), of_run);
+        assert_ne!(with(&["runs/m1-seed3/milestones/005000.safetensors"]), of_run);
+        // The folder that names them does not matter.
+        let mut named = Config::default();
+        (named.training_crowd.opponents, named.population.files) =
+            (0.5, vec!["../m1-seed3/checkpoints/005000.safetensors".into()]);
+        named.named_in(Path::new("/elsewhere/m9"));
+        assert_eq!(named.hash(), of_run);
     }
 
     #[test]

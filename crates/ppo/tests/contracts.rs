@@ -207,6 +207,36 @@ fn a_population_keeps_the_promises() {
     assert!(error.to_string().contains("metadata opponents: found opponents [{"), "{error}");
 }
 
+/// Tests run in the crate's folder, which holds none of the files.
+#[test]
+fn a_run_and_its_population_go_on_from_wherever_they_are_moved_to_together() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (here, there) = (folder.path().join("here"), folder.path().join("there"));
+    for path in ["configs", "pool", "runs/a/checkpoints"] {
+        std::fs::create_dir_all(here.join(path)).expect("a folder");
+    }
+    trainer(&["seed=5"]).save(&here.join("pool/other.safetensors")).expect("writable");
+    let population =
+        "[training_crowd]\nopponents = 0.6\n[population]\nfiles = [\"../pool/other.safetensors\"]\n";
+    let config = format!("{}{population}", common::TINY);
+    std::fs::write(here.join("configs/a.toml"), config).expect("writable");
+    let load = |root: &Path| {
+        let none: &[&str] = &[];
+        jostle_ppo::Config::load(&root.join("configs/a.toml"), none).expect("a configuration")
+    };
+    let mut whole = Trainer::new(load(&here)).expect("a population");
+    let reports = run(&mut whole, 6);
+    let mut first = Trainer::new(load(&here)).expect("a population");
+    run(&mut first, 3);
+    first.save(&here.join("runs/a/checkpoints/3.safetensors")).expect("writable");
+    std::fs::rename(&here, &there).expect("a move");
+    let half = there.join("runs/a/checkpoints/3.safetensors");
+    let mut by_file_alone = Trainer::resume(&half).expect("the population is found from the checkpoint");
+    assert_eq!(run(&mut by_file_alone, 3), reports[3..]);
+    let mut by_both = Trainer::resume_with(&half, load(&there)).expect("the same run");
+    assert_eq!(run(&mut by_both, 3), reports[3..]);
+}
+
 #[test]
 fn a_report_keeps_learners_and_crowd_apart() {
     let mut crowded = trainer(&CROWD);

@@ -11,6 +11,8 @@ use std::path::PathBuf;
 pub(crate) mod check;
 mod located;
 
+pub use located::NamingFolder;
+
 /// Frames in an observation.
 pub const FRAMES: usize = 3;
 /// Numbers in an observation beside the scans: goal x, goal y, v, ω.
@@ -67,14 +69,14 @@ pub struct RoomConfig {
     /// of the file that names it; one given by a command or a program, from the working directory.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub map: Option<PathBuf>,
-    // The folder that a relative `map` starts from; `None` for the working directory.
+    // The folder that a relative `map` starts from.
     #[serde(skip)]
-    folder: Option<PathBuf>,
+    folder: NamingFolder,
 }
 
 impl Default for RoomConfig {
     fn default() -> Self {
-        Self { width: 20.0, height: 20.0, map: None, folder: None }
+        Self { width: 20.0, height: 20.0, map: None, folder: NamingFolder::default() }
     }
 }
 

@@ -36,8 +36,8 @@ mod world;
 
 pub use boundary::outline;
 pub use config::{
-    AccelerationLimits, EXTRAS, EpisodeConfig, FRAMES, LaserConfig, LaserKernel, OBSERVATION_LEN,
-    RewardConfig, RobotConfig, RoomConfig, SafetyZoneConfig, SimConfig, SpawnConfig,
+    AccelerationLimits, EXTRAS, EpisodeConfig, FRAMES, LaserConfig, LaserKernel, NamingFolder,
+    OBSERVATION_LEN, RewardConfig, RobotConfig, RoomConfig, SafetyZoneConfig, SimConfig, SpawnConfig,
 };
 pub use crash::{CrashRule, crash};
 pub use episode::{EpisodeSummary, Outcome, StepEnd};

@@ -45,7 +45,7 @@ impl RunLog {
         let text = read_optional(&path)?.with_context(|| format!("{shown} holds no config.toml"))?;
         let none: &[&str] = &[];
         let mut config = Config::parse(&text, &path.display().to_string(), none)?;
-        config.sim.room.stored_in(folder);
+        config.stored_in(folder);
         let path = folder.join("log.ndjson");
         let text = read_optional(&path)?.unwrap_or_default();
         let whole = text.rfind('\n').map_or(0, |end| end + 1);

@@ -189,7 +189,9 @@ impl Plan {
             let stored = task.folder.join("config.toml");
             if let Some(text) = read_optional(&stored)? {
                 let none: &[&str] = &[];
-                let found = Config::parse(&text, &stored.display().to_string(), none)?.hash();
+                let mut found = Config::parse(&text, &stored.display().to_string(), none)?;
+                found.stored_in(&task.folder);
+                let found = found.hash();
                 ensure!(
                     found == hash,
                     "{place}: {}: found another run there (config {}), expected {}; choose another `out` or name",

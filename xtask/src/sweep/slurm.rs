@@ -267,8 +267,7 @@ pub(super) fn store_plan(plan: &Plan, folder: &Path) -> Result<PathBuf> {
     let mut sections = Vec::new();
     for (task, seeds) in &variants {
         let base = folder.join(format!("{}.toml", task.variant));
-        let mut config = task.config.clone();
-        config.sim.room = config.sim.room.as_named_in(&folder);
+        let config = task.config.as_named_in(&folder);
         let text = toml::to_string(&config).context("a configuration that is no TOML")?;
         write_atomically(&base, &text)?;
         let mut section = toml::Table::new();

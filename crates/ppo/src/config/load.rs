@@ -45,8 +45,13 @@ impl Config {
         }
         let text = std::fs::read_to_string(path).map_err(io)?;
         let mut config = Self::parse(&text, &location, overrides)?;
-        if !overrides.iter().any(|argument| names_a_map(argument.as_ref())) {
-            config.sim.room.named_in(path.parent().unwrap_or(Path::new("")));
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let is_set = |key: &str| overrides.iter().any(|argument| names(argument.as_ref(), key));
+        if !is_set("sim.room.map") {
+            config.sim.room.named_in(folder);
+        }
+        if !is_set("population.files") {
+            config.population.named_in(folder);
         }
         Ok(config)
     }
@@ -74,11 +79,11 @@ impl Config {
     }
 }
 
-/// Whether an override sets the map, by itself or with its whole section.
-fn names_a_map(argument: &str) -> bool {
-    let key = argument.split('=').next().unwrap_or_default();
-    let parts: Vec<&str> = key.split('.').map(str::trim).collect();
-    "sim.room.map".split('.').collect::<Vec<_>>().starts_with(&parts)
+/// Whether an override sets a key, by itself or with its whole section.
+fn names(argument: &str, key: &str) -> bool {
+    let found = argument.split('=').next().unwrap_or_default();
+    let parts: Vec<&str> = found.split('.').map(str::trim).collect();
+    key.split('.').collect::<Vec<_>>().starts_with(&parts)
 }
 
 /// Writes one override into the table; returns its path.
@@ -375,5 +380,20 @@ mod tests {
         assert_eq!(map(&["sim.room.width=3"]), beside);
         assert_eq!(map(&["sim.room.map=n.toml"]), Path::new("n.toml"));
         assert_eq!(map(&["sim.room={ map = \"n.toml\" }"]), Path::new("n.toml"));
+    }
+
+    #[test]
+    fn a_population_starts_from_the_file_that_names_it_and_an_override_from_the_working_directory() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.toml");
+        std::fs::write(&path, "[population]\nfiles = [\"../p/a.safetensors\", \"/q/b.safetensors\"]\n")
+            .unwrap();
+        let files = |overrides: &[&str]| Config::load(&path, overrides).unwrap().population.located();
+        let beside = folder.path().canonicalize().unwrap().join("../p/a.safetensors");
+        assert_eq!(files(&[]), [beside.clone(), "/q/b.safetensors".into()]);
+        assert_eq!(files(&["population.past=3"])[0], beside);
+        assert_eq!(files(&["sim.room.map=n.toml"])[0], beside);
+        assert_eq!(files(&["population.files=[\"c.safetensors\"]"]), [Path::new("c.safetensors")]);
+        assert_eq!(files(&["population={ files = [\"c.safetensors\"] }"]), [Path::new("c.safetensors")]);
     }
 }

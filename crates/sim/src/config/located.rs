@@ -1,19 +1,46 @@
-//! Where a configuration's map lies: relative paths start from the file that names them, wherever a command is run.
+//! Where the files lie that a configuration names: relative paths start from the file that names them, wherever a command is
+//! run.
 
 use super::RoomConfig;
 use std::path::{Component, Path, PathBuf};
 
+/// The folder that relative paths start from: that of the file that names them, or, by default, the working directory.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct NamingFolder(Option<PathBuf>);
+
+impl NamingFolder {
+    /// That of files in `folder`.
+    #[must_use]
+    pub fn new(folder: &Path) -> Self {
+        Self(Some(real(folder)))
+    }
+
+    /// Where a path that was named from here leads, as the system finds it from the working directory.
+    pub fn locate(&self, path: &Path) -> PathBuf {
+        self.0.as_ref().map_or_else(|| path.to_owned(), |folder| folder.join(path))
+    }
+
+    /// The path that leads from `other` to where `path` leads from here; an absolute one stays. A link that is named stays
+    /// named, so that the name is the same from everywhere.
+    pub fn rename(&self, path: &Path, other: &Self) -> PathBuf {
+        if path.is_absolute() {
+            return path.to_owned();
+        }
+        let here = PathBuf::new();
+        path_from(&real(other.0.as_ref().unwrap_or(&here)), &real_folder(&self.locate(path)))
+    }
+}
+
 impl RoomConfig {
     /// The map's file, if there is a map, as the system finds it from the working directory.
     pub fn map_file(&self) -> Option<PathBuf> {
-        let map = self.map.as_ref()?;
-        Some(self.folder.as_ref().map_or_else(|| map.clone(), |folder| folder.join(map)))
+        self.map.as_ref().map(|map| self.folder.locate(map))
     }
 
     /// Says that a file in `folder` names the map: a relative path starts there.
     pub fn named_in(&mut self, folder: &Path) {
         if self.map.as_ref().is_some_and(|map| map.is_relative()) {
-            self.folder = Some(real(folder));
+            self.folder = NamingFolder::new(folder);
         }
     }
 
@@ -30,13 +57,17 @@ impl RoomConfig {
     #[must_use]
     pub fn as_named_in(&self, folder: &Path) -> Self {
         let mut room = self.clone();
-        if let Some(file) = self.map_file().filter(|_| self.map.as_ref().is_some_and(|map| map.is_relative()))
-        {
-            let folder = real(folder);
-            room.map = Some(path_from(&folder, &real(&file)));
-            room.folder = Some(folder);
-        }
+        room.named_in(folder);
+        room.map = self.map.as_ref().map(|map| self.folder.rename(map, &room.folder));
         room
+    }
+}
+
+/// As [`real`], but for a link that the last part of the path names.
+fn real_folder(path: &Path) -> PathBuf {
+    match (path.parent(), path.file_name()) {
+        (Some(parent), Some(name)) => real(parent).join(name),
+        _ => real(path),
     }
 }
 
@@ -94,6 +125,27 @@ mod tests {
         let absolute = RoomConfig { map: Some(at("maps/m.toml")), ..RoomConfig::default() };
         assert_eq!(absolute.as_named_in(&at("runs/a")), absolute);
         assert_eq!(RoomConfig::default().as_named_in(&at("runs/a")).map_file(), None);
+        // Without a file the working directory names it: tests run in the crate's folder.
+        let given = room("src/lib.rs").as_named_in(&at("runs/a"));
+        assert_eq!(text(&given), std::fs::read_to_string("src/lib.rs").expect("text"));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_keeps_its_name() {
+        let folder = tempfile::tempdir().expect("folder");
+        let at = |path: &str| folder.path().join(path);
+        for path in ["maps/a", "runs"] {
+            std::fs::create_dir_all(at(path)).expect("folder");
+        }
+        std::fs::write(at("maps/a/m.toml"), "x").expect("map");
+        std::os::unix::fs::symlink("maps/a", at("here")).expect("a link to a folder");
+        std::os::unix::fs::symlink("m.toml", at("maps/a/newest.toml")).expect("a link to a file");
+        let mut read = room("here/newest.toml");
+        read.named_in(folder.path());
+        let stored = read.as_named_in(&at("runs"));
+        assert_eq!(stored.map, Some("../maps/a/newest.toml".into()));
+        assert_eq!(std::fs::read_to_string(stored.map_file().expect("a map")).expect("text"), "x");
     }
 
     #[test]
