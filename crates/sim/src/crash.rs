@@ -28,11 +28,16 @@ impl CrashRule {
     ///
     /// A stop is certain to be seen if `(ρ + v_max·dt) / (cos α − sin α) ≤ crash_range`: the body of radius ρ stopped at
     /// most one step before the contact, and half the angle between two beams, α = π/beams, off its direction a beam
-    /// still meets a right-angled corner at this range.
+    /// still meets a right-angled corner at this range. Around a sector the summary is no beam's range but the exact
+    /// distance ([`ScanSummary`]), however many beams there are: α = 0.
     pub fn new(config: &SimConfig) -> Self {
         let reach = f64::from(config.robot.circumradius())
             + f64::from(config.robot.v_max) * f64::from(config.episode.dt);
-        let half_angle = std::f64::consts::PI / config.laser.beams as f64;
+        let half_angle = if config.laser.is_full_circle() {
+            std::f64::consts::PI / config.laser.beams as f64
+        } else {
+            0.0
+        };
         let seen_up_to =
             f64::from(config.episode.crash_range) * (libm::cos(half_angle) - libm::sin(half_angle));
         Self { range: config.episode.crash_range, bodies_touch: reach > seen_up_to }
@@ -102,6 +107,21 @@ mod tests {
         assert!(rule(|c| c.episode.dt = 0.5).bodies_touch());
         assert!(rule(|c| c.episode.crash_range = 0.3).bodies_touch());
         assert!(rule(|c| c.laser.beams = 4).bodies_touch());
+    }
+
+    #[test]
+    fn a_sector_judges_by_the_exact_distance_however_few_its_beams() {
+        let sector = |beams, length| {
+            rule(|c| {
+                (c.laser.beams, c.laser.fov, c.laser.angle_min) = (beams, 3.0, -1.5);
+                c.robot.length = length;
+            })
+        };
+        assert!(!sector(4, 0.5).bodies_touch() && !sector(512, 0.5).bodies_touch());
+        // 0.3990 m of half diagonal and a step of 0.1 m are just nearer than 0.5 m, and 0.4015 m are not.
+        assert!(!sector(512, 0.622).bodies_touch() && sector(512, 0.628).bodies_touch());
+        // A full circle of 512 beams does not reach as far.
+        assert!(rule(|c| c.robot.length = 0.622).bodies_touch());
     }
 
     #[test]

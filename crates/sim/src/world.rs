@@ -315,7 +315,8 @@ impl Walls {
 
 fn check(shape: &Shape, pose: Pose, field: &str) -> Result<(), SimError> {
     if !pose.is_finite() {
-        return Err(SimError::field(format!("{field}.pose"), format!("{pose:?}"), "finite numbers"));
+        let found = format!("{}, heading {} rad", pose.position, pose.heading);
+        return Err(SimError::field(format!("{field}.pose"), found, "finite numbers"));
     }
     shape.validate(field)
 }

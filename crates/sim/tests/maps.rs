@@ -142,6 +142,9 @@ fn the_same_map_in_other_yaml_is_the_same() {
         with("negate: 0", &format!("negate: {word}"));
     }
     with("image: m.pgm", "image: m.pgm\t# a map");
+    with("image: m.pgm", "image:\tm.pgm");
+    with("negate: 0", "negate:\t\t0 \t");
+    with("[-1.0, -2.0, 0.0]", "\n-\t-1.0\n- -2.0\n-\t0");
     with("image: m.pgm", "image: 'm.pgm'");
     with("image: m.pgm", "\"image\": \"m.pgm\"");
     with("image: m.pgm", "# made by hand\n---\nimage: m.pgm");
@@ -157,8 +160,15 @@ fn the_same_map_in_other_yaml_is_the_same() {
 
 #[test]
 fn polygon_maps_may_begin_with_a_byte_order_mark() {
-    let (_folder, path) = write(&[("m.toml", format!("\u{feff}{WALLS}").as_bytes())]);
-    assert_eq!(maps::load(&path).expect("a map").walls, (Vec2::splat(-10.0), Vec2::splat(10.0)));
+    let json = r#"{ "walls": { "min": [-10, -10], "max": [10, 10] } }"#;
+    for (name, text) in [("m.toml", WALLS), ("m.json", json)] {
+        let (_folder, path) = write(&[(name, format!("\u{feff}{text}").as_bytes())]);
+        assert_eq!(
+            maps::load(&path).expect("a map").walls,
+            (Vec2::splat(-10.0), Vec2::splat(10.0)),
+            "{name}"
+        );
+    }
 }
 
 #[test]
@@ -193,10 +203,10 @@ fn modes_are_read_as_nav2_does() {
 
 #[test]
 fn images_of_sixteen_bits_and_of_colours_are_read_in_full() {
-    // 0xCC00 / 65535 = 0.797 is not free, 0xCE00 / 65535 = 0.805 is.
-    let deep = b"P5 2 1 65535\n\xCC\x00\xCE\x00";
+    // Free is what is lighter than 1 − 0.196: 0xCDD2 / 65535 = 0.803998 is not, 0xCDD3 / 65535 = 0.804013 is.
+    let deep = b"P5 2 1 65535\n\xCD\xD2\xCD\xD3";
     assert_eq!(free_row(&grid(YAML.as_bytes(), deep), 2), [false, true]);
-    assert_eq!(free_row(&grid(YAML.as_bytes(), b"P2 2 1 65535\n52224 52736\n"), 2), [false, true]);
+    assert_eq!(free_row(&grid(YAML.as_bytes(), b"P2 2 1 65535\n52690 52691\n"), 2), [false, true]);
     assert_eq!(free_row(&grid(YAML.as_bytes(), b"P6 2 1 255\n\xFE\xFE\x00\xFE\xFE\xFE"), 2), [false, true]);
     assert_eq!(free_row(&grid(YAML.as_bytes(), b"P3 2 1 9\n9 9 0  9 9 9"), 2), [false, true]);
     // What follows the pixels is not looked at.
@@ -209,7 +219,7 @@ fn images_of_sixteen_bits_and_of_colours_are_read_in_full() {
         encoder.write_header().expect("header").write_image_data(data).expect("pixels");
         free_row(&grid(YAML.as_bytes(), &image), 2)
     };
-    assert_eq!(png(png::ColorType::Grayscale, b"\xCC\x00\xCE\x00"), [false, true]);
+    assert_eq!(png(png::ColorType::Grayscale, b"\xCD\xD2\xCD\xD3"), [false, true]);
     // Half transparent white: (3 · 1 + 0.5) / 4 = 0.875 is free; a tenth: 0.775 is not.
     assert_eq!(png(png::ColorType::GrayscaleAlpha, b"\xFF\xFF\x19\x99\xFF\xFF\x80\x00"), [false, true]);
 }
@@ -271,7 +281,10 @@ fn degenerate_shapes_are_refused_in_one_line() {
     check("segment = [[1, 1], [1, 1]]", ": found [1, 1]–[1, 1]");
     check("circle = { centre = [0, 0], radius = 1e-30 }", ".radius: found");
     check("box = { centre = [0, 0], length = 1e-20, width = 1 }", ".length: found");
-    check("box = { centre = [nan, 0], length = 1, width = 1 }", ".pose: found");
+    check(
+        "box = { centre = [nan, 0], length = 1, width = 1 }",
+        ".pose: found [NaN, 0], heading 0 rad, expected finite numbers",
+    );
 }
 
 #[test]
