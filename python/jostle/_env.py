@@ -21,6 +21,7 @@ from ._keywords import (
     option,
     render_mode_or_none,
     seed_or_none,
+    warn,
 )
 
 Float32 = NDArray[np.float32]
@@ -130,6 +131,7 @@ class RoomEnv(gymnasium.Env[Float32, Float32]):
         )
         self.render_mode = render_mode_or_none(render_mode)
         self._core = _jostle.CrowdRooms(words, 1)
+        warn(_jostle.notes(words, None))
         self.beam_angles = np.array(self._core.beam_angles)
         self.metadata = {**type(self).metadata, "render_fps": round(1 / self._core.dt)}
         self.observation_space, self.action_space = spaces(self._core)

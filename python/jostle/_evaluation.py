@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from . import _jostle
 from ._env import Float32
-from ._keywords import Pool, Setting, StrPath, count, keywords, seed_or_none
+from ._keywords import Pool, Setting, StrPath, count, keywords, seed_or_none, warn
 from ._policy import Policy
 
 Robot = Union[Callable[[Float32], ArrayLike], Policy]
@@ -79,8 +79,9 @@ def evaluate(
         batch: the most episodes that run side by side. Changes speed and memory alone.
         name: what to call the policy.
 
-    The other keywords are those of :class:`jostle.RoomEnv`; for a `Policy`, simulator and number of pedestrians are those of
-    its training unless they are given. A `Policy` whose laser pointed elsewhere in training is refused.
+    The other keywords are those of :class:`jostle.RoomEnv`. For a `Policy`, simulator and number of pedestrians are those of
+    its training: ``settings`` changes keys of them, ``config`` replaces them. A `Policy` whose laser pointed elsewhere in
+    training is refused.
 
     Raises:
         ValueError: one line with what was found and what was expected.
@@ -98,6 +99,7 @@ def evaluate(
     count("episodes", episodes, least=1)
     count("batch", batch, least=1)
     seed_or_none(seed)
+    warn(_jostle.notes(words, fn.core if isinstance(fn, Policy) else None))
     if isinstance(fn, Policy):
         found = _jostle.evaluate_policy(fn.core, words, episodes, seed, batch)
         name = name or fn.name

@@ -9,6 +9,8 @@ import json
 import math
 import operator
 import os
+import sys
+import warnings
 from collections.abc import Iterable, Mapping
 from typing import Any, TypedDict, Union
 
@@ -17,7 +19,7 @@ from numpy.typing import NDArray
 
 StrPath = Union[str, "os.PathLike[str]"]
 Pool = Union[StrPath, Iterable[StrPath]]
-Setting = Union[bool, int, float, str]
+Setting = Union[bool, int, float, str, "os.PathLike[str]"]
 
 #: The largest seed and the largest count: configurations are TOML, whose integers have 64 bits and a sign.
 MOST = 2**63 - 1
@@ -113,15 +115,15 @@ def _whole(name: str, value: Any, least: int, expected: str) -> int:
     return number
 
 
-def option(options: Mapping[str, Any] | None, known: str | None) -> Any:
-    """The one option that a reset knows, or `None` where it is not given; any other entry is refused."""
+def option(options: Mapping[str, Any] | None, known: str | None, passed_over: str | None = None) -> Any:
+    """The one option that a reset knows, or `None` where it is not given; any other entry but `passed_over` is refused."""
     if options is None:
         return None
     if not isinstance(options, Mapping):
         raise refusal("options", options, "a dictionary or None")
     expected = "no entry" if known is None else f"{known} alone"
     for name in options:
-        if name != known:
+        if name not in (known, passed_over):
             raise refusal("options", name, expected)
     return options.get(known)
 
@@ -155,10 +157,27 @@ def commands(actions: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
 
 
 def overrides(settings: Mapping[str, Setting] | None) -> list[str]:
-    """Dotted keys and values as `key=value`, the values as TOML."""
+    """Dotted keys and values as `key=value`, the values as TOML. A path of a map starts from the working directory of now, wherever a
+    copy is made later."""
     if not (settings is None or isinstance(settings, Mapping)):
         raise refusal("settings", settings, "a dictionary of keys and values")
-    return [f"{key}={_toml(key, value)}" for key, value in (settings or {}).items()]
+    found = {}
+    for key, value in (settings or {}).items():
+        if isinstance(value, os.PathLike):
+            value = path_or_none(f"settings: {key}", value)
+        if key == "sim.room.map" and isinstance(value, str):
+            value = os.path.abspath(value)
+        found[key] = value
+    return [f"{key}={_toml(key, value)}" for key, value in found.items()]
+
+
+def warn(notes: list[str]) -> None:
+    """A warning for each note, at the line outside of this package that has led here."""
+    frame, level = sys._getframe(), 1
+    while frame.f_back is not None and str(frame.f_globals.get("__name__")).partition(".")[0] == __package__:
+        frame, level = frame.f_back, level + 1
+    for note in notes:
+        warnings.warn(note, UserWarning, stacklevel=level)
 
 
 def _toml(key: str, value: Any) -> str:

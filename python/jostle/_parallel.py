@@ -25,6 +25,7 @@ from ._keywords import (
     refusal,
     render_mode_or_none,
     seed_or_none,
+    warn,
 )
 
 
@@ -53,6 +54,7 @@ class RobotsEnv(ParallelEnv[str, Float32, Float32]):
         count("n_agents", n_agents, least=1)
         self.render_mode = render_mode_or_none(render_mode)
         self._core = _jostle.RobotRoom(path_or_none("config", config), overrides(settings), n_agents, n_behaviours)
+        warn(self._core.notes())
         self.beam_angles = np.array(self._core.beam_angles)
         self.metadata = {**type(self).metadata, "render_fps": round(1 / self._core.dt)}
         self.possible_agents = [f"robot_{i}" for i in range(self._core.n_agents)]
@@ -80,9 +82,10 @@ class RobotsEnv(ParallelEnv[str, Float32, Float32]):
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Float32], dict[str, dict[str, Any]]]:
-        """Places all robots anew; without a seed, by the next draw of the last one."""
+        """Places all robots anew; without a seed, by the next draw of the last one. There are no options; the entry ``options`` of
+        PettingZoo's own tests is passed over."""
         seed = seed_or_none(seed)
-        option(options, None)
+        option(options, None, passed_over="options")
         random = self._random if seed is None else None
         if random is None:
             random, _ = seeding.np_random(seed)

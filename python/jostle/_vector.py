@@ -24,6 +24,7 @@ from ._keywords import (
     refusal,
     render_mode_or_none,
     seed_or_none,
+    warn,
 )
 
 
@@ -75,6 +76,7 @@ class VectorRooms(VectorEnv[Float32, Float32, NDArray[Any]]):
             raise refusal("num_envs", num_envs, "a whole number from 1 on")
         self.render_mode = render_mode_or_none(render_mode)
         self._core = _jostle.CrowdRooms(words, num_envs)
+        warn(_jostle.notes(words, None))
         self.beam_angles = np.array(self._core.beam_angles)
         self.metadata = {**type(self).metadata, "render_fps": round(1 / self._core.dt)}
         self.num_envs = num_envs

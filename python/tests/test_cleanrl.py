@@ -56,7 +56,8 @@ def test_a_loop_of_cleanrls_kind_learns_on_rooms(make: Callable[[], gymnasium.ve
 
     observation = torch.as_tensor(envs.reset(seed=1)[0], dtype=torch.float32)
     lengths: list[int] = []
-    for _ in range(6):
+    # 448 steps: the time limit of 400 ends an episode in every room, whatever is learned.
+    for _ in range(7):
         kept: list[tuple[torch.Tensor, ...]] = []
         for _ in range(N_STEPS):
             with torch.no_grad():
@@ -101,7 +102,7 @@ def test_a_loop_of_cleanrls_kind_learns_on_rooms(make: Callable[[], gymnasium.ve
             loss.backward()
             nn.utils.clip_grad_norm_(parameters, 0.5)
             optimizer.step()
-    assert len(lengths) > 2 and all(0 < length <= 400 for length in lengths)
+    assert len(lengths) >= N_ENVS and all(0 < length <= 400 for length in lengths)
     assert all(torch.isfinite(parameter).all() for parameter in parameters)
     assert all(not torch.equal(old, new) for old, new in zip(before, parameters, strict=True))
     # What it learned is tested as anything else.

@@ -68,11 +68,14 @@ def test_a_policy_says_its_laser_and_is_refused_where_beams_point_elsewhere(
     assert policy.beam_angles is not None
     np.testing.assert_allclose(policy.beam_angles, np.linspace(-1.5, 1.5, 512), atol=1e-6)
     assert jostle.evaluate(policy, "SF", episodes=3).episodes == 3
+    # Settings change keys of what it was trained with, and leave the rest as it was.
+    noisy, quiet = (jostle.evaluate(policy, "SF", episodes=3, settings={"sim.laser.noise_std": std}) for std in (0.5, 0.0))
+    assert noisy.records != quiet.records
     with pytest.raises(ValueError) as error:
         jostle.evaluate(policy, "SF", episodes=3, settings={"sim.laser.fov": 2.0})
     assert str(error.value).startswith("laser of the policy: found ")
     assert str(error.value).endswith(
-        ", trained with a laser that sees 3 rad from -1.5 rad, expected one trained with the room's, which sees 2 rad from 0 rad"
+        ", trained with a laser that sees 3 rad from -1.5 rad, expected one trained with the room's, which sees 2 rad from -1.5 rad"
     )
     # Pedestrians have the room's laser, too.
     with pytest.raises(ValueError, match="^laser of the policy: found .* that sees all round from 0 rad, expected"):

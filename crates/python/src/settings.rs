@@ -1,10 +1,11 @@
 //! What a Python caller may set: a training file, keys of it, the crowd, the number of pedestrians, who sees the robot.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use jostle_eval::{EvalConfig, EvalError, Pools};
 use jostle_peds::CrowdKind;
 use jostle_ppo::{Config, PpoError};
+use jostle_sim::{SimConfig, SimError};
 
 /// Everything that a room among a crowd is made from.
 #[derive(Clone, Debug)]
@@ -64,6 +65,29 @@ pub fn base(file: Option<&Path>, overrides: &[String]) -> Result<Config, PpoErro
     }
 }
 
+/// The rooms that a policy was trained in, with `key=value` overrides applied to them.
+///
+/// # Errors
+///
+/// As [`Config::parse`].
+pub fn trained(mut sim: SimConfig, n_agents: usize, overrides: &[String]) -> Result<Config, PpoError> {
+    // The text that the overrides are applied to lies in no folder, from which a relative path could start.
+    let absolute = |map: PathBuf| std::path::absolute(&map).unwrap_or(map);
+    sim.room.map = sim.room.map_file().map(absolute);
+    // Nothing is learned here: a minibatch of one fits to any number of agents.
+    let config = Config { sim, n_agents, minibatch: 1, ..Config::default() };
+    Config::parse(&config.canonical_toml(), "settings", overrides)
+}
+
+/// What a configuration's map holds that is not read, one line each.
+///
+/// # Errors
+///
+/// A map that cannot be read.
+pub fn notes(config: &Config) -> Result<Vec<String>, SimError> {
+    config.sim.room.map_file().map_or_else(|| Ok(Vec::new()), |map| jostle_sim::maps::notes(&map))
+}
+
 #[cfg(test)]
 mod tests {
     use jostle_peds::Visibility;
@@ -90,6 +114,27 @@ mod tests {
                 );
             }
         }
+    }
+
+    #[test]
+    fn overrides_of_a_trained_policys_rooms_leave_the_rest_as_it_was() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("a.toml");
+        let text = "n_agents = 1\nminibatch = 128\n[sim.room]\nmap = \"m.toml\"\n[sim.laser]\nfov = 3.0\nangle_min = -1.5\n";
+        std::fs::write(&file, text).unwrap();
+        std::fs::write(folder.path().join("m.toml"), "").unwrap();
+        let trained_with = base(Some(&file), &[]).unwrap();
+        let sim = || trained_with.sim.clone();
+        let same = trained(sim(), 1, &[]).unwrap();
+        assert_eq!((same.sim.laser.fov, same.n_agents), (3.0, 1));
+        let other =
+            trained(sim(), 1, &["sim.laser.noise_std=0.0".to_owned(), "n_agents=7".to_owned()]).unwrap();
+        assert_eq!((other.sim.laser.noise_std, other.n_agents), (0.0, 7));
+        assert_eq!((other.sim.laser.fov, other.sim.laser.angle_min), (3.0, -1.5));
+        let map = folder.path().canonicalize().unwrap().join("m.toml");
+        assert_eq!(other.sim.room.map_file(), Some(map));
+        let error = trained(sim(), 1, &["sim.laser.fov=270".to_owned()]).unwrap_err().to_string();
+        assert!(error.starts_with("--set sim.laser.fov=270: sim.laser.fov: found 270"), "{error}");
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use glam::Vec2;
+use jostle_eval::LoadedPolicy;
 use jostle_eval::metrics::EpisodeMetrics;
 use jostle_sim::Pose;
 use pyo3::buffer::PyBuffer;
@@ -50,9 +51,15 @@ impl Keywords {
         base(self.config.clone(), &self.overrides)
     }
 
-    /// Whether they change what a policy brings along.
-    pub(super) fn has_base(&self) -> bool {
-        self.config.is_some() || !self.overrides.is_empty()
+    /// The training configuration for a policy: the file that they name, or else the rooms of its training, with their
+    /// overrides.
+    pub(super) fn base_for(&self, policy: &LoadedPolicy) -> PyResult<jostle_ppo::Config> {
+        if self.config.is_some() {
+            return self.base();
+        }
+        let sim = policy.sim_config().map_err(value_error)?;
+        let n_agents = usize::try_from(policy.file.provenance.n_agents).map_err(value_error)?;
+        settings::trained(sim, n_agents, &self.overrides).map_err(|error| of_settings(&error))
     }
 
     /// Settings of rooms that are made from `base`.
@@ -77,10 +84,17 @@ impl Keywords {
 
 /// Reads a training configuration and applies overrides; errors speak of `settings`, not of the command line's `--set`.
 pub(super) fn base(config: Option<PathBuf>, overrides: &[String]) -> PyResult<jostle_ppo::Config> {
-    settings::base(config.as_deref(), overrides).map_err(|error| {
-        let line = error.to_string();
-        value_error(line.strip_prefix("--set ").map_or(line.clone(), |rest| format!("settings: {rest}")))
-    })
+    settings::base(config.as_deref(), overrides).map_err(|error| of_settings(&error))
+}
+
+fn of_settings(error: &jostle_ppo::PpoError) -> PyErr {
+    let line = error.to_string();
+    value_error(line.strip_prefix("--set ").map_or(line.clone(), |rest| format!("settings: {rest}")))
+}
+
+/// What the map of a configuration holds that is not read, one line each.
+pub(super) fn notes(config: &jostle_ppo::Config) -> PyResult<Vec<String>> {
+    settings::notes(config).map_err(value_error)
 }
 
 /// Actions [B, 2] as pairs.

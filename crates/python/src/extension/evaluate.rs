@@ -7,7 +7,7 @@ use jostle_eval::{EvalError, PolicyIdentity, Protocol, Robot, RobotPolicy, Subje
 use pyo3::buffer::PyBuffer;
 use pyo3::prelude::*;
 
-use super::arguments::{Keywords, check_threads, value_error, write_row};
+use super::arguments::{self, Keywords, check_threads, value_error, write_row};
 use super::policy::PyPolicy;
 use crate::settings::Settings;
 
@@ -44,6 +44,16 @@ pub(super) fn evaluate(
     run
 }
 
+/// What the map of a test's rooms holds that is not read, one line each; `policy` is a trained one, or `None`.
+#[pyfunction]
+pub(super) fn notes(keywords: Keywords, policy: Option<Bound<'_, PyPolicy>>) -> PyResult<Vec<String>> {
+    let base = match &policy {
+        Some(policy) => keywords.base_for(&policy.get().loaded)?,
+        None => keywords.base()?,
+    };
+    arguments::notes(&base)
+}
+
 /// Tests a trained policy, without a way through Python. Simulator and number of agents are
 /// those of its training unless the keywords say otherwise.
 #[pyfunction]
@@ -55,12 +65,7 @@ pub(super) fn evaluate_policy(
     seed: u64,
     lock_step: usize,
 ) -> PyResult<Found> {
-    let mut base = keywords.base()?;
-    if !keywords.has_base() {
-        base.sim = policy.loaded.sim_config().map_err(value_error)?;
-        base.n_agents = usize::try_from(policy.loaded.file.provenance.n_agents).map_err(value_error)?;
-    }
-    let mut settings = keywords.settings(&base)?;
+    let mut settings = keywords.settings(&keywords.base_for(&policy.loaded)?)?;
     (settings.config.lock_step, settings.config.seed) = (lock_step, seed);
     jostle_eval::crowds::check_observation(&settings.config, &policy.loaded).map_err(value_error)?;
     let mut robot =

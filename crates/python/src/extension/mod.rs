@@ -25,7 +25,7 @@ mod _jostle {
     #[pymodule_export]
     use super::crowd_rooms::PyCrowdRooms;
     #[pymodule_export]
-    use super::evaluate::{evaluate, evaluate_policy};
+    use super::evaluate::{evaluate, evaluate_policy, notes};
     #[pymodule_export]
     use super::policy::PyPolicy;
     #[pymodule_export]

@@ -12,8 +12,8 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyType};
 
 use super::arguments::{
-    Pixels, absolute, base, check_threads, from_bytes, measures, pairs, pixels, place, to_bytes, value_error,
-    write_row,
+    Pixels, absolute, base, check_threads, from_bytes, measures, notes, pairs, pixels, place, to_bytes,
+    value_error, write_row,
 };
 use crate::robot_rooms::RobotRoom;
 
@@ -78,6 +78,11 @@ impl PyRobotRoom {
             n_behaviours: self.n_behaviours,
             room: Mutex::new(room),
         }
+    }
+
+    /// What the room's map holds that is not read, one line each.
+    fn notes(&self) -> PyResult<Vec<String>> {
+        notes(&self.config)
     }
 
     /// Control period (s).
