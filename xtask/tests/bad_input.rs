@@ -7,7 +7,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use common::tiny::{TINY, config, finished_run, train};
-use common::{refused, text};
+use common::{refused, text, xtask};
 
 /// Every file under a folder with its bytes; locks come and go.
 fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
@@ -100,6 +100,25 @@ fn a_configuration_that_is_not_there() {
     let folder = tempfile::tempdir().unwrap();
     let missing = folder.path().join("missing.toml");
     refused(&["train", "--config", text(&missing), "--out", text(folder.path())], &["missing.toml"]);
+}
+
+#[test]
+fn a_cause_is_told_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let (nothing, map) =
+        (folder.path().join("nothing.safetensors"), folder.path().canonicalize().unwrap().join("m.yaml"));
+    let line = |path: &Path, rest: &str| format!("error: {}: {rest}\n", path.display());
+    let check = |arguments: &[&str], expected: &str| {
+        let out = xtask(arguments);
+        assert_eq!((out.status.success(), String::from_utf8_lossy(&out.stderr).as_ref()), (false, expected));
+    };
+    let missing =
+        "found no such file or folder, expected a checkpoint file, a run folder or a planner's name";
+    check(&["evaluate", text(&nothing)], &line(&nothing, missing));
+    fs::write(folder.path().join("a.toml"), "[sim.room]\nmap = \"m.yaml\"\n").unwrap();
+    let (file, out) = (folder.path().join("a.toml"), folder.path().join("run"));
+    let unreadable = "file: found No such file or directory (os error 2), expected a readable file";
+    check(&["train", "--config", text(&file), "--out", text(&out)], &line(&map, unreadable));
 }
 
 #[test]

@@ -57,7 +57,7 @@ fn every_block_says_its_language_and_toml_is_what_it_claims() {
             }
         }
     }
-    assert!(n_configurations >= 3, "only {n_configurations} blocks of TOML were found");
+    assert!(n_configurations >= 10, "only {n_configurations} blocks of TOML were found");
 }
 
 #[test]
@@ -73,12 +73,26 @@ fn rust_in_the_book_is_compiled() {
     }
 }
 
-/// A map, or else a part of a training configuration.
+/// A map, a suite, a plan of a sweep or its part for Slurm, or else a part of a training configuration.
 fn check_toml(block: &Block) {
-    if block.text.contains("[[obstacle]]") {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("map.toml");
-        fs::write(&path, &block.text).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("block.toml");
+    let has = |line: &str| block.text.lines().any(|found| found == line);
+    fs::write(&path, &block.text).unwrap();
+    if has("[[scene]]") {
+        if let Err(error) = jostle_eval::suite::Suite::read(&path) {
+            panic!("{}: {error}", block.place);
+        }
+    } else if has("[[variant]]") {
+        check_plan(
+            block,
+            &path,
+            &block.text.replace("out = \"runs/", "out = \"target/tmp/runs-of-the-book/"),
+        );
+    } else if has("[slurm]") {
+        let plan = "out = \"target/tmp/runs-of-the-book\"\nbase = \"configs/headline.toml\"\nseeds = [1]\n";
+        check_plan(block, &path, &format!("{plan}[[variant]]\nname = \"a\"\n{}", block.text));
+    } else if has("[[obstacle]]") {
         let mut config = jostle_sim::SimConfig::default();
         config.room.map = Some(path);
         if let Err(error) = jostle_sim::Scenario::new(&config.room) {
@@ -87,6 +101,14 @@ fn check_toml(block: &Block) {
     } else if let Err(error) = jostle_ppo::Config::parse(&block.text, &block.place, NO_OVERRIDES) {
         panic!("{error}");
     }
+}
+
+/// `sweep --print` checks all of a plan and writes nothing.
+fn check_plan(block: &Block, path: &Path, plan: &str) {
+    fs::write(path, plan).unwrap();
+    let mut sweep = std::process::Command::new(env!("CARGO_BIN_EXE_xtask"));
+    let answer = sweep.arg("sweep").arg(path).arg("--print").current_dir(workspace()).output().unwrap();
+    assert!(answer.status.success(), "{}: {}", block.place, String::from_utf8_lossy(&answer.stderr));
 }
 
 /// Where a link of a page leads: another site (not asked), a file, a heading.

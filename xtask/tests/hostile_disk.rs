@@ -4,6 +4,7 @@
 mod common;
 
 use std::fs;
+use std::io::Write as _;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -91,7 +92,7 @@ fn evaluation_on_a_full_disk_stops_with_one_line_and_goes_on_later() {
 fn folders_that_nobody_can_write_are_named() {
     // The system's own table of processes takes no folder, not even root's.
     if !Path::new("/proc/self").exists() {
-        eprintln!("skip: folders that nobody can write: this machine has no /proc");
+        let _ = writeln!(std::io::stderr(), "skip: folders that nobody can write: this machine has no /proc");
         return;
     }
     let folder = tempfile::tempdir().unwrap();

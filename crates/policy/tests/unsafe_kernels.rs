@@ -4,6 +4,8 @@
 //! guard value elsewhere (the commands: `docs/reliability.md`). Sizes are such that every kernel has full and partial
 //! tiles; values are checked against sums in double precision.
 
+use std::io::Write as _;
+
 use jostle_policy::kernels::{
     AdamStep, AlignedVec, Chunks, Count, Finish, Forward, Grid, HALF, Isa, Linear, PANEL, SampleForward,
     SampleGradient, SampleMasks, Start, Steps, Strips, adam_step, outer_products, rows_times_panel,
@@ -142,7 +144,7 @@ impl Zeros {
 
 /// Says on standard error that a test did less than its name promises, on a processor that cannot do more.
 fn skip(what: &str) {
-    eprintln!("skip: {what}: this processor has no instructions for it");
+    let _ = writeln!(std::io::stderr(), "skip: {what}: this processor has no instructions for it");
 }
 
 /// One span of inputs and one of outputs, of which half are zero: all operands of the products that leave out zeros end with

@@ -356,20 +356,45 @@ mod tests {
         assert!(simulator.lines(0).is_none());
     }
 
+    /// Someone comes straight on at p = (6, 0.1) m with the relative velocity v = (2, 0) m/s; the radii are R = 0.7 m together.
+    /// The near leg of the cone of relative velocities that end in a crash has the direction
+    /// d = (p.x·l + p.y·R, p.y·l − p.x·R) / |p|² with l² = |p|² − R², which is (0.994979, −0.100084), and v lies u = (v·d)·d − v =
+    /// (−0.020033, −0.199162) inside of it. So who takes the share s changes its velocity from (1, 0) by s·u. If nobody
+    /// changed it again, the two would pass at |p × (v + s·u)| / |v + s·u|: 0.3997 m with half of it, and R with all.
     #[test]
     fn who_expects_nothing_of_the_other_avoids_all_by_itself() {
-        // Someone comes straight on: whoever takes all of the avoiding changes its velocity by more than who takes half.
-        let change = |share: f32| {
+        let comes_on = |simulator: &mut OrcaSimulator, x: f32| {
+            simulator.set_state(1, Vec2::new(x, 0.1), -Vec2::X).unwrap();
+        };
+        let meeting = |share: f32| {
             let mut simulator = simulator(0.1);
             simulator.set_responsibility(share).unwrap();
             simulator.add_agent(Vec2::ZERO, Vec2::X, &PARAMETERS).unwrap();
-            simulator.add_agent(Vec2::new(6.0, 0.1), -Vec2::X, &PARAMETERS).unwrap();
+            simulator.add_agent(Vec2::ZERO, Vec2::ZERO, &PARAMETERS).unwrap();
             simulator.set_preferred_velocity(0, Vec2::X).unwrap();
-            simulator.step();
-            simulator.velocity(0).distance(Vec2::X)
+            comes_on(&mut simulator, 6.0);
+            simulator
         };
-        let (half, all) = (change(0.5), change(1.0));
-        assert!(half > 0.01 && all > 1.5 * half, "{half} {all}");
+        for (share, change, passes_at) in
+            [(0.5, Vec2::new(-0.010_017, -0.099_581), 0.3997), (1.0, Vec2::new(-0.020_033, -0.199_162), 0.7)]
+        {
+            let mut simulator = meeting(share);
+            simulator.plan();
+            let found = simulator.planned_velocity(0) - Vec2::X;
+            assert!(found.distance(change) < 2e-5, "{share}: {found}");
+            let relative = 2.0 * Vec2::X + found;
+            let distance = Vec2::new(6.0, 0.1).perp_dot(relative).abs() / relative.length();
+            assert!((distance - passes_at).abs() < 2e-4, "{share}: {distance} m");
+        }
+        // Who takes all of it is never nearer than R to someone who never gives way.
+        let mut simulator = meeting(1.0);
+        for step in 0..60_u8 {
+            let x = 6.0 - 0.1 * f32::from(step);
+            comes_on(&mut simulator, x);
+            let distance = simulator.position(0).distance(Vec2::new(x, 0.1));
+            assert!(distance > 0.7 - 1e-4, "step {step}: {distance} m");
+            simulator.step();
+        }
     }
 
     #[test]
