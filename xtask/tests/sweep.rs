@@ -255,3 +255,29 @@ fn who_works_in_a_run_folder_is_named() {
     let after = accepted(&["runs", text(folder.path())]);
     assert!(after.contains("stopped") && !after.contains("node-of-a-test"), "{after}");
 }
+
+#[test]
+fn every_shipped_plan_is_valid() {
+    let folder = tempfile::tempdir().unwrap();
+    let workspace = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let mut plans = Vec::new();
+    for to in ["configs", "configs/plans", "checkpoints"] {
+        fs::create_dir_all(folder.path().join(to)).unwrap();
+        for entry in fs::read_dir(workspace.join(to)).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_file() {
+                let to = Path::new(to).join(path.file_name().unwrap());
+                fs::copy(&path, folder.path().join(&to)).unwrap();
+                plans.extend((to.parent() == Some(Path::new("configs/plans"))).then_some(to));
+            }
+        }
+    }
+    assert!(plans.len() >= 2, "{plans:?}");
+    for plan in plans {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_xtask"));
+        let output =
+            command.args(["sweep", text(&plan), "--print"]).current_dir(folder.path()).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        assert!(!output.stdout.is_empty(), "{}: nothing to do", plan.display());
+    }
+}
