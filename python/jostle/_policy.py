@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -43,12 +45,23 @@ class Policy:
 
     def __call__(self, observations: ArrayLike) -> Float32:
         """Actions ``float32[B, 2]`` for observations ``[B, 1540]``, or ``[2]`` for ``[1540]``."""
+        return self._answers(self.core.act, observations, 2)
+
+    def encode(self, observations: ArrayLike) -> Float32:
+        """What the policy's network reads, ``float32[B, n]``, of observations ``[B, 1540]``, or ``[n]`` of ``[1540]``: the rows
+        themselves, pooled beams, or bodies with their velocities, as it was trained. An exported model of the latter takes it
+        as its input.
+        """
+        return self._answers(self.core.encode, observations, self.core.input_len)
+
+    @staticmethod
+    def _answers(write: Callable[[Float32, Float32], None], observations: ArrayLike, width: int) -> Float32:
         with np.errstate(over="ignore"):
             rows = np.ascontiguousarray(observations, np.float32)
         batch = np.atleast_2d(rows)
-        actions = np.empty((len(batch), 2), np.float32)
-        self.core.act(batch, actions)
-        return actions if rows.ndim == 2 else actions[0]
+        answers = np.empty((len(batch), width), np.float32)
+        write(batch, answers)
+        return answers if rows.ndim == 2 else answers[0]
 
     def __repr__(self) -> str:
         return f"Policy({self.name!r}, token={self.token} of {self.n_behaviours})"

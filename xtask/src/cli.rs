@@ -6,8 +6,8 @@ use anyhow::Result;
 use clap::{Parser, Subcommand};
 
 use crate::{
-    behaviours, bench, chaos, ci, compare, config, conformance, demo, doctor, evaluate, fuzz, milestones,
-    output, play, plot, replay, reproduce, runs, ship, sweep, tensorboard, train, verify,
+    behaviours, bench, chaos, ci, compare, config, conformance, demo, doctor, evaluate, export, fuzz,
+    milestones, output, play, plot, replay, reproduce, runs, ship, sweep, tensorboard, train, verify,
 };
 
 /// Exit status of a command line that cannot be read.
@@ -66,6 +66,8 @@ pub(crate) enum Command {
     Doctor(doctor::DoctorArgs),
     /// Explain the keys of a configuration, or print its JSON Schema.
     Config(config::ConfigArgs),
+    /// Write a policy for other software, as an ONNX model.
+    Export(export::ExportArgs),
     /// Write the logs of runs as event files for TensorBoard.
     Tensorboard(tensorboard::TensorboardArgs),
     /// Measure: an update, the simulator, the evaluation, other software beside ours.
@@ -81,6 +83,7 @@ impl Command {
             Self::Train(args) => train::run(&args),
             Self::Sweep(args) => sweep::run(&args),
             Self::Evaluate(args) => evaluate::run(&args),
+            Self::Export(args) => export::run(&args),
             Self::Reproduce(args) => reproduce::run(&args),
             Self::Ship(args) => ship::run(&args),
             Self::Verify(args) => verify::run(&args),

@@ -26,6 +26,7 @@ mod conformance;
 mod demo;
 mod doctor;
 mod evaluate;
+mod export;
 mod fuzz;
 mod maps;
 mod milestones;

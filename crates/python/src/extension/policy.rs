@@ -4,7 +4,8 @@ use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
 use jostle_eval::{LoadedPolicy, RobotPolicy as _, TrainedRobot};
-use jostle_policy::Backend;
+use jostle_policy::encoder::EncoderScratch;
+use jostle_policy::{Backend, Encoder};
 use jostle_runs::policies;
 use pyo3::buffer::PyBuffer;
 use pyo3::prelude::*;
@@ -93,21 +94,52 @@ impl PyPolicy {
         Ok(Some(sim.laser.beam_angles().collect()))
     }
 
+    /// Length of an input row: what the network reads of an observation row.
+    #[getter]
+    fn input_len(&self) -> usize {
+        self.loaded.file.network.input_len()
+    }
+
+    /// Writes what the network reads of every row.
+    fn encode(&self, py: Python<'_>, observations: PyBuffer<f32>, inputs: PyBuffer<f32>) -> PyResult<()> {
+        let rows = self.rows(py, &observations, &inputs, self.input_len())?;
+        let network = &self.loaded.file.network;
+        let mut encoded = Vec::with_capacity(inputs.item_count());
+        py.detach(|| Encoder::new(network).append(&rows, &mut EncoderScratch::default(), &mut encoded));
+        inputs.copy_from_slice(py, &encoded)
+    }
+
     /// Writes the mean action of every row.
     fn act(&self, py: Python<'_>, observations: PyBuffer<f32>, actions: PyBuffer<f32>) -> PyResult<()> {
-        let (found, expected) = (observations.shape(), self.observation_len());
-        if found.len() != 2 || found[1] != expected || actions.shape() != [found[0], 2] {
-            return Err(value_error(format!(
-                "observations: found shape {found:?}, expected rows of {expected}"
-            )));
-        }
-        let (rows, mut answers) = (observations.to_vec(py)?, vec![[0.0; 2]; found[0]]);
-        finite::check_rows(&rows, expected).map_err(value_error)?;
-        check_threads(found[0] > 1)?;
+        let rows = self.rows(py, &observations, &actions, 2)?;
+        let n = observations.shape()[0];
+        let mut answers = vec![[0.0; 2]; n];
+        check_threads(n > 1)?;
         py.detach(|| {
             let mut robot = self.robot.lock().unwrap_or_else(PoisonError::into_inner);
             robot.act(&rows, &mut answers);
         });
         actions.copy_from_slice(py, answers.as_flattened())
+    }
+}
+
+impl PyPolicy {
+    /// The observations, if they are finite rows of the policy's length and `answers` has a row of `width` for each.
+    fn rows(
+        &self,
+        py: Python<'_>,
+        observations: &PyBuffer<f32>,
+        answers: &PyBuffer<f32>,
+        width: usize,
+    ) -> PyResult<Vec<f32>> {
+        let (found, expected) = (observations.shape(), self.observation_len());
+        if found.len() != 2 || found[1] != expected || answers.shape() != [found[0], width] {
+            return Err(value_error(format!(
+                "observations: found shape {found:?}, expected rows of {expected}"
+            )));
+        }
+        let rows = observations.to_vec(py)?;
+        finite::check_rows(&rows, expected).map_err(value_error)?;
+        Ok(rows)
     }
 }
