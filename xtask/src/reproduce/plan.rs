@@ -56,7 +56,7 @@ pub(crate) const VARIANTS: [Variant; 13] = [
     // Its zones and weights are in `configs/safety_zone.toml`.
     variant(SAFETY_ZONE, &[BASELINE], &[5_000], &[1]),
     variant(POOL, &[BASELINE], &[2_500, 5_000], &[101, 102, 103, 104]),
-    Variant { name: STRONG, base: Some(STRONG_FILE), overrides: &[], updates: &[1_000], seeds: &[1, 2, 3] },
+    Variant { name: STRONG, base: Some(STRONG_FILE), overrides: &[], updates: &[2_035], seeds: &[1, 2, 3] },
 ];
 
 /// The policy that is meant to be used, not to reproduce the paper.
@@ -154,7 +154,7 @@ const fn row(
 
 /// The strong policy among so many agents.
 const fn strong_row(name: &'static str, n_agents: usize, serves: &'static [&'static str]) -> RowSpec {
-    RowSpec { name, variant: STRONG, updates: 1_000, n_agents: Some(n_agents), serves }
+    RowSpec { name, variant: STRONG, updates: 2_035, n_agents: Some(n_agents), serves }
 }
 
 /// The row of a name that this program knows.
