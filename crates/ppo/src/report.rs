@@ -11,7 +11,8 @@ use serde::{Deserialize, Serialize};
 pub struct UpdateReport {
     /// Number of this update, counted from 1.
     pub update: u64,
-    /// Transitions collected since the start of the run, those of a training crowd among them.
+    /// Transitions collected since the start of the run: steps · agents · rooms. Those of a
+    /// training crowd are among them, and the steps of agents that it keeps away.
     pub transitions: u64,
     /// Mean task reward of a step.
     pub task_reward: f64,
@@ -60,8 +61,16 @@ pub struct UpdateReport {
 pub struct CrowdReport {
     /// Transitions that were theirs.
     pub transitions: u64,
+    /// Steps of agents that were not in the room.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub away: u64,
     /// How their episodes ended.
     pub episodes: EpisodeCounts,
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
+fn is_zero(value: &u64) -> bool {
+    *value == 0
 }
 
 /// How the episodes of a rollout ended.

@@ -2,7 +2,7 @@
 
 use jostle_policy::encoder::EncoderScratch;
 use jostle_policy::{Batch, Encoder};
-use jostle_sim::{Rooms, StepEnd};
+use jostle_sim::{Role, Rooms, StepEnd};
 
 use crate::PpoError;
 use crate::config::AlphaWeighs;
@@ -178,7 +178,9 @@ impl Rollout {
             });
             if !transition.role.learns() {
                 self.places.push(None);
-                self.crowd.transitions += 1;
+                let is_away = transition.role == Role::Absent;
+                self.crowd.transitions += u64::from(!is_away);
+                self.crowd.away += u64::from(is_away);
                 self.crowd.episodes.count(transition.end);
                 continue;
             }

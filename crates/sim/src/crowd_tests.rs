@@ -2,7 +2,7 @@
 
 use crate::config::{FRAMES, SimConfig};
 use crate::episode::{Outcome, StepEnd};
-use crate::geometry::Pose;
+use crate::geometry::{Pose, Shape};
 use crate::rng::Streams;
 use crate::rooms::Rooms;
 use crate::traits::{Role, TrainingCrowd, Traits};
@@ -221,4 +221,134 @@ fn a_learner_that_arrives_has_arrived() {
     assert_eq!(end(&rooms, 0), StepEnd::Terminated(Outcome::Success));
     assert_ne!(rooms.rooms[0].episodes[0].goal, goal);
     assert_ne!(rooms.rooms[0].episodes[1].goal, goal, "the other one has changed its mind");
+}
+
+#[test]
+fn a_larger_member_has_a_larger_body_and_room_around_it() {
+    let crowd = TrainingCrowd { size_min: 2.0, size_max: 2.0, ..all_blind() };
+    let mut rooms = room(&crowd, &[(0.0, 0.0, 0.0), (2.0, 0.0, 0.0)]);
+    rooms.step(&[[0.0; 2]; 2]);
+    assert!((newest_scan(&rooms, 0)[0] - 1.5).abs() < 1e-4, "{}", newest_scan(&rooms, 0)[0]);
+    let shapes = [0, 1].map(|agent| rooms.rooms[0].world.shape(agent).clone());
+    assert_eq!(shapes, [Shape::square(0.5), Shape::square(1.0)]);
+    // Nobody touches anybody at a start, and everyone has the way to a wall that a robot's body
+    // leaves.
+    let crowd = TrainingCrowd { size_min: 0.5, size_max: 4.0, ..all_blind() };
+    for seed in 0..20 {
+        let rooms =
+            Rooms::with_crowd(&SimConfig::default(), &crowd, 1, 6, 1, &Streams::new(seed)).expect("rooms");
+        let world = &rooms.rooms[0].world;
+        for agent in 0..6 {
+            assert!(!world.is_blocked(agent), "seed {seed}, agent {agent}");
+            let free = world.clearance(world.pose(agent).position) - world.shape(agent).circumradius();
+            assert!(free >= 1.0 - Shape::square(0.5).circumradius() - 1e-5, "{free}");
+        }
+    }
+}
+
+#[test]
+fn a_body_is_a_robots_again_when_its_agent_learns() {
+    let crowd = TrainingCrowd { blind: 0.5, size_min: 2.0, size_max: 2.0, ..TrainingCrowd::default() };
+    let mut config = SimConfig::default();
+    config.episode.step_limit = 1;
+    let mut rooms = Rooms::with_crowd(&config, &crowd, 1, 4, 1, &Streams::new(5)).expect("rooms");
+    let mut seen = [0; 2];
+    for _ in 0..50 {
+        rooms.step(&[[0.0; 2]; 4]);
+        for agent in 0..4 {
+            let learns = rooms.role(agent).learns();
+            seen[usize::from(learns)] += 1;
+            let side = if learns { 0.5 } else { 1.0 };
+            assert_eq!(rooms.rooms[0].world.shape(agent), &Shape::square(side));
+        }
+    }
+    assert!(seen.iter().all(|n| *n > 40), "{seen:?}");
+}
+
+/// A room that changes every ten steps.
+fn changing(crowd: TrainingCrowd, n_agents: usize, seed: u64) -> Rooms {
+    let crowd = TrainingCrowd { renew_steps: 10, ..crowd };
+    let mut config = SimConfig::default();
+    config.episode.step_limit = 12;
+    Rooms::with_crowd(&config, &crowd, 1, n_agents, 1, &Streams::new(seed)).expect("rooms")
+}
+
+#[test]
+fn obstacles_come_and_go_clear_of_bodies_and_goals() {
+    let crowd = TrainingCrowd { obstacles_min: 2, obstacles_max: 8, ..TrainingCrowd::default() };
+    let (mut numbers, mut changes) = (Vec::new(), 0);
+    for seed in 0..4 {
+        let mut rooms = changing(crowd.clone(), 5, seed);
+        let mut before = Vec::new();
+        for step in 0..200 {
+            rooms.step(&[[0.5, 0.1]; 5]);
+            let room = &rooms.rooms[0];
+            let obstacles = &room.renewal.as_ref().expect("it changes").obstacles;
+            assert_eq!(room.world.n_obstacles(), obstacles.len());
+            if *obstacles == before {
+                continue;
+            }
+            (changes, before) = (changes + 1, obstacles.clone());
+            numbers.push(obstacles.len());
+            for agent in 0..5 {
+                let position = room.world.pose(agent).position;
+                assert!(room.world.clearance(room.episodes[agent].goal) > 0.99);
+                if step == 0 || !rooms.transitions()[agent].end.is_running() {
+                    // Placed after the obstacles.
+                    assert!(room.world.clearance(position) > 0.9);
+                    continue;
+                }
+                for (shape, pose) in obstacles {
+                    let away = position.distance(pose.position) - shape.circumradius();
+                    assert!(away > 1.99, "step {step}, agent {agent}: {away}");
+                }
+            }
+        }
+    }
+    assert!(changes >= 4 * 19, "{changes}");
+    assert!(numbers.iter().all(|n| *n <= 8) && numbers.contains(&2) && numbers.contains(&8), "{numbers:?}");
+}
+
+#[test]
+fn obstacles_are_seen_and_are_crashed_into() {
+    let crowd = TrainingCrowd { obstacles_min: 1, obstacles_max: 1, ..TrainingCrowd::default() };
+    let mut rooms = room(&crowd, &[(0.0, 0.0, 0.0)]);
+    let obstacle = (Shape::Circle { radius: 0.5 }, Pose::new(Vec2::new(2.05, 0.0), 0.0));
+    let room = &mut rooms.rooms[0];
+    let furnished = room.plan.furnish(&[obstacle]).expect("an obstacle");
+    room.move_into(furnished);
+    for step in 1..=11 {
+        rooms.step(&[[1.0, 0.0]]);
+        assert!(step == 11 || (newest_scan(&rooms, 0)[0] - (1.55 - 0.1 * step as f32)).abs() < 1e-4);
+        let expected = if step < 11 { StepEnd::Running } else { StepEnd::Terminated(Outcome::CollisionWall) };
+        assert_eq!(end(&rooms, 0), expected, "step {step}");
+    }
+}
+
+#[test]
+fn agents_leave_as_their_episodes_end_and_return() {
+    let crowd = TrainingCrowd { agents_min: 2, ..TrainingCrowd::default() };
+    let mut rooms = changing(crowd, 6, 1);
+    let (mut seen, mut away) = ([0; 7], 0);
+    for _ in 0..600 {
+        let absent: Vec<bool> = (0..6).map(|agent| rooms.role(agent) == Role::Absent).collect();
+        rooms.step(&[[0.6, 0.0]; 6]);
+        let n_present = rooms.rooms[0].renewal.as_ref().expect("it changes").n_present;
+        for agent in 0..6 {
+            let (transition, is_absent) = (rooms.transitions()[agent], rooms.role(agent) == Role::Absent);
+            assert_eq!(transition.role == Role::Absent, absent[agent]);
+            assert!(!absent[agent] || (transition.end, transition.reward) == (StepEnd::Running, 0.0));
+            // Nobody leaves but at an episode's end, nor stays away while there is room.
+            assert!(!is_absent || absent[agent] || !transition.end.is_running());
+            assert!(!is_absent || agent >= n_present);
+            let (min, max) = rooms.rooms[0].world.walls().expect("walls");
+            let position = rooms.rooms[0].world.pose(agent).position;
+            assert_eq!(position.cmpge(min).all() && position.cmple(max).all(), !is_absent);
+            away += usize::from(is_absent);
+        }
+        seen[(0..6).filter(|agent| rooms.role(*agent) != Role::Absent).count()] += 1;
+        assert_eq!(rooms.role(0), Role::Learner);
+    }
+    assert!(seen[..2].iter().all(|n| *n == 0) && seen[2..].iter().all(|n| *n > 0), "{seen:?}");
+    assert!(away > 600, "{away}");
 }

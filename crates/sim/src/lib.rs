@@ -22,6 +22,7 @@ mod laser;
 pub mod maps;
 mod motion;
 mod observation;
+mod renewal;
 mod reward;
 mod rng;
 mod room;

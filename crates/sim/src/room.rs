@@ -1,9 +1,11 @@
 //! One room of the decision process: N robots, each with its own episode, in one world.
 //!
-//! A step: clip the actions, move the robots one after the other, scan, reward; then those whose episode ended are
-//! placed anew, in index order, and take their first scan. The others see a re-placed robot from their next scan on.
+//! A step: clip the actions, move the robots one after the other, scan, reward; then those whose
+//! episode ended are placed anew, in index order, and take their first scan. A training crowd may
+//! change the room before that (`renewal`). The others see a re-placed robot from their next scan
+//! on.
 
-use crate::config::SimConfig;
+use crate::config::{SimConfig, SpawnConfig};
 use crate::crash::{CrashRule, crash};
 use crate::episode::{EpisodeSummary, Outcome, StepEnd};
 use crate::error::SimError;
@@ -11,12 +13,12 @@ use crate::geometry::{Pose, Shape};
 use crate::laser::{Laser, ScanSummary, Sensor};
 use crate::motion::{Motion, apply_limits, clip_action};
 use crate::observation::Observer;
+use crate::renewal::{Plan, Renewal};
 use crate::reward::{ZoneBody, outcome, reward, safety_zone};
 use crate::rng::{StreamRng, Streams};
 use crate::rooms::Transition;
-use crate::scenario::Scenario;
 use crate::spawn::Spawner;
-use crate::traits::{TrainingCrowd, Traits};
+use crate::traits::{Role, TrainingCrowd, Traits};
 use crate::world::{Stop, World};
 use glam::Vec2;
 use rand::RngExt;
@@ -69,6 +71,9 @@ pub struct Whereabouts {
 pub(crate) struct Room {
     config: Arc<SimConfig>,
     crowd: Arc<TrainingCrowd>,
+    pub(crate) plan: Arc<Plan>,
+    /// Only where the crowd changes the room.
+    pub(crate) renewal: Option<Renewal>,
     n_behaviours: u32,
     pub(crate) world: World,
     spawner: Spawner,
@@ -79,8 +84,10 @@ pub(crate) struct Room {
     pub(crate) traits: Vec<Traits>,
     motions: Vec<Motion>,
     stops: Vec<Option<Stop>>,
-    /// Robots that were taken out of the room.
-    absent: Vec<bool>,
+    /// Robots that were taken out of the room, or have left it for a while.
+    pub(crate) absent: Vec<bool>,
+    /// Robots that begin an episode, or leave the room, in the present step.
+    begins: Vec<bool>,
     ranges: Vec<f32>,
     /// Where each robot stood when its last episode ended.
     ends: Vec<Whereabouts>,
@@ -90,15 +97,15 @@ impl Room {
     /// A room whose robots are not placed yet: [`Room::begin`] or a restored state does that.
     pub(crate) fn new(
         (config, crowd): (&Arc<SimConfig>, &Arc<TrainingCrowd>),
-        (scenario, spawner): (&Scenario, &Spawner),
+        plan: &Arc<Plan>,
         laser: &Laser,
         n_agents: usize,
         n_behaviours: u32,
         streams: Streams,
         room: u64,
     ) -> Result<Self, SimError> {
-        let mut world = scenario.build()?;
-        let body = Shape::Box { length: config.robot.length, width: config.robot.width };
+        let mut world = plan.scenario.build()?;
+        let body = body_shape(config, 1.0);
         let agent = |agent: u64| Agent {
             observer: Observer::new(config, streams.stream("noise", &[room, agent])),
             spawn: streams.stream("spawn", &[room, agent]),
@@ -111,9 +118,13 @@ impl Room {
         Ok(Self {
             config: Arc::clone(config),
             crowd: Arc::clone(crowd),
+            plan: Arc::clone(plan),
+            renewal: crowd
+                .renews()
+                .then(|| Renewal::new(n_agents, streams.stream("training_crowd.room", &[room]))),
             n_behaviours,
             world,
-            spawner: spawner.clone(),
+            spawner: plan.spawner.clone(),
             crash_rule: CrashRule::new(config),
             laser: laser.sibling(),
             agents: (0..n_agents as u64).map(agent).collect(),
@@ -122,6 +133,7 @@ impl Room {
             motions: vec![Motion::Still; n_agents],
             stops: vec![None; n_agents],
             absent: vec![false; n_agents],
+            begins: vec![false; n_agents],
             ranges: vec![0.0; config.laser.beams],
             ends: vec![Whereabouts::default(); n_agents],
         })
@@ -129,8 +141,14 @@ impl Room {
 
     /// Places all robots and writes their first observations.
     pub(crate) fn begin(&mut self, buffers: &mut RoomBuffers<'_>) {
+        if let Some(mut renewal) = self.renewal.take() {
+            let furnished = renewal.draw(&self.plan, &self.crowd, &[], &[]);
+            renewal.stagger(&self.crowd);
+            self.renewal = Some(renewal);
+            self.move_into(furnished);
+        }
         for agent in 0..self.agents.len() {
-            self.place(agent, agent, buffers.tokens);
+            self.place_or_leave(agent, agent, buffers.tokens);
         }
         for agent in 0..self.agents.len() {
             self.observe_first(agent, buffers.observations);
@@ -143,16 +161,72 @@ impl Room {
         let n_agents = self.agents.len();
         for agent in 0..n_agents {
             if self.absent[agent] {
-                buffers.transitions[agent] = Transition::default();
+                let role = self.traits[agent].role;
+                buffers.transitions[agent] = Transition { role, ..Transition::default() };
             } else {
                 self.judge(agent, buffers);
             }
         }
-        for agent in (0..n_agents).filter(|a| !buffers.transitions[*a].end.is_running()) {
-            self.place(agent, n_agents, buffers.tokens);
+        self.renew();
+        for agent in 0..n_agents {
+            let returns = self.traits[agent].role == Role::Absent && agent < self.n_present();
+            self.begins[agent] = !buffers.transitions[agent].end.is_running() || returns;
         }
-        for agent in (0..n_agents).filter(|a| !buffers.transitions[*a].end.is_running()) {
-            self.observe_first(agent, buffers.observations);
+        for agent in 0..n_agents {
+            if self.begins[agent] {
+                self.place_or_leave(agent, n_agents, buffers.tokens);
+            }
+        }
+        for agent in 0..n_agents {
+            if self.begins[agent] {
+                self.observe_first(agent, buffers.observations);
+            }
+        }
+    }
+
+    /// How many agents there are to be in the room.
+    fn n_present(&self) -> usize {
+        self.renewal.as_ref().map_or(self.agents.len(), |renewal| renewal.n_present)
+    }
+
+    /// Draws obstacles and number of agents anew where that is due.
+    fn renew(&mut self) {
+        let Some(mut renewal) = self.renewal.take() else { return };
+        renewal.steps_left -= 1;
+        if renewal.steps_left == 0 {
+            let SpawnConfig { body_clearance, wall_clearance, .. } = self.plan.roomy.spawn;
+            let present = || (0..self.agents.len()).filter(|agent| !self.absent[*agent]);
+            let place = |agent: usize| self.world.pose(agent).position;
+            // Twice what a start keeps: nobody is to be hit by an obstacle that falls from the sky.
+            let bodies = present().map(|agent| (place(agent), 2.0 * body_clearance));
+            let goals = present().map(|agent| (self.episodes[agent].goal, wall_clearance));
+            let in_the_way: Vec<(Vec2, f32)> = bodies.chain(goals).collect();
+            let ways: Vec<(Vec2, Vec2)> =
+                present().map(|agent| (place(agent), self.episodes[agent].goal)).collect();
+            let furnished = renewal.draw(&self.plan, &self.crowd, &in_the_way, &ways);
+            self.move_into(furnished);
+        }
+        self.renewal = Some(renewal);
+    }
+
+    /// Takes all bodies over into a room that is furnished in another way.
+    pub(crate) fn move_into(&mut self, (world, spawner): (World, Spawner)) {
+        let old = std::mem::replace(&mut self.world, world);
+        for agent in 0..old.n_bodies() {
+            let copied = self.world.add_body(old.shape(agent), old.pose(agent));
+            copied.expect("a body of the one world is a body of the other");
+        }
+        self.spawner = spawner;
+    }
+
+    /// Begins an agent's next episode, or has it leave a room that is to have fewer agents.
+    fn place_or_leave(&mut self, agent: usize, n_placed: usize, tokens: &mut [u32]) {
+        if agent < self.n_present() {
+            self.place(agent, n_placed, tokens);
+        } else {
+            self.remove(agent);
+            self.traits[agent] = Traits { role: Role::Absent, ..Traits::default() };
+            self.resize(agent);
         }
     }
 
@@ -301,6 +375,9 @@ impl Room {
         if agent > 0 && !self.crowd.is_off() {
             self.traits[agent] = self.crowd.draw(&mut streams.crowd);
         }
+        self.resize(agent);
+        self.absent[agent] = false;
+        let streams = &mut self.agents[agent];
         let in_the_way = |body: usize| body != agent && body < n_placed;
         let (start, goal) = self.spawner.start_and_goal(&self.world, in_the_way, &mut streams.spawn);
         let goal_distance = start.position.distance(goal);
@@ -308,6 +385,15 @@ impl Room {
         self.episodes[agent] =
             Episode { goal, goal_distance, straight_distance: goal_distance, ..Episode::default() };
         tokens[agent] = streams.token.random_range(0..self.n_behaviours);
+    }
+
+    /// Gives an agent's body the size of its traits, where bodies differ in size.
+    pub(crate) fn resize(&mut self, agent: usize) {
+        if !self.crowd.resizes() {
+            return;
+        }
+        let shape = body_shape(&self.config, self.traits[agent].size);
+        self.world.set_shape(agent, &shape).expect("sizes were checked with the configuration");
     }
 
     fn observe_first(&mut self, agent: usize, observations: &mut [f32]) {
@@ -338,6 +424,11 @@ impl Room {
         let pose = self.world.pose(agent);
         ZoneBody { position: pose.position, velocity: pose.direction() * self.episodes[agent].velocity[0] }
     }
+}
+
+/// The body of a robot, or of a member of the crowd that is so many times as long and as wide.
+fn body_shape(config: &SimConfig, size: f32) -> Shape {
+    Shape::Box { length: config.robot.length * size, width: config.robot.width * size }
 }
 
 fn summary(episode: &Episode, token: u32) -> EpisodeSummary {

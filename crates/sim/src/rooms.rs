@@ -7,10 +7,9 @@ use crate::config::SimConfig;
 use crate::episode::{EpisodeSummary, StepEnd};
 use crate::error::SimError;
 use crate::laser::Laser;
+use crate::renewal::Plan;
 use crate::rng::Streams;
 use crate::room::{Room, RoomBuffers, Whereabouts};
-use crate::scenario::Scenario;
-use crate::spawn::Spawner;
 use crate::traits::{Role, TrainingCrowd};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -115,15 +114,12 @@ impl Rooms {
                 return Err(SimError::field(field, 0, "at least 1"));
             }
         }
-        let (config, scenario) = (Arc::new(config.clone()), Scenario::new(&config.room)?);
+        let plan = Arc::new(Plan::new(config, crowd, n_agents)?);
+        let config = Arc::new(config.clone());
         let crowd = Arc::new(crowd.clone());
         let laser = Laser::new(&config.laser)?;
-        let spawner = Spawner::new(&config, &scenario.build()?)?;
-        spawner.check_room(n_agents)?;
-        let room = |r: usize| {
-            let place = (&scenario, &spawner);
-            Room::new((&config, &crowd), place, &laser, n_agents, n_behaviours, streams, r as u64)
-        };
+        let room =
+            |r: usize| Room::new((&config, &crowd), &plan, &laser, n_agents, n_behaviours, streams, r as u64);
         let rooms = (0..n_rooms).map(room).collect::<Result<Vec<_>, _>>()?;
         let n = n_rooms * n_agents;
         Ok(Self {

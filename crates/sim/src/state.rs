@@ -5,10 +5,13 @@
 
 use crate::error::SimError;
 use crate::geometry::Pose;
+use crate::renewal::{Renewal, RenewalState};
 use crate::rng::Streams;
 use crate::room::Episode;
 use crate::rooms::Rooms;
-use crate::traits::Traits;
+use crate::spawn::Spawner;
+use crate::traits::{Role, Traits};
+use crate::world::World;
 use glam::Vec2;
 use serde::{Deserialize, Serialize};
 
@@ -22,6 +25,9 @@ pub struct RoomsState {
     n_behaviours: u32,
     agents: Vec<AgentState>,
     observations: Vec<f32>,
+    /// Only where a training crowd changes the rooms.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    rooms: Vec<RenewalState>,
 }
 
 /// One agent's part of a snapshot.
@@ -73,6 +79,7 @@ impl Rooms {
             n_behaviours: self.n_behaviours,
             agents: self.tokens.iter().enumerate().map(agent).collect(),
             observations: self.observations.clone(),
+            rooms: self.rooms.iter().filter_map(|room| room.renewal.as_ref()).map(Renewal::state).collect(),
         }
     }
 
@@ -85,6 +92,15 @@ impl Rooms {
     pub fn restore(&mut self, state: RoomsState) -> Result<(), SimError> {
         self.check_state(&state)?;
         let streams = Streams::new(state.seed);
+        let furnished = self.furnish(&state.rooms)?;
+        for (r, (saved, furnished)) in state.rooms.into_iter().zip(furnished).enumerate() {
+            let room = &mut self.rooms[r];
+            let mut rng = streams.stream("training_crowd.room", &[r as u64]);
+            rng.set_word_pos(u128::from(saved.position));
+            let RenewalState { n_present, obstacles, steps_left, .. } = saved;
+            room.renewal = Some(Renewal { n_present, obstacles, steps_left, rng });
+            room.move_into(furnished);
+        }
         for (i, saved) in state.agents.iter().enumerate() {
             let (r, a) = (i / self.n_agents, i % self.n_agents);
             let indices = [r as u64, a as u64];
@@ -99,14 +115,42 @@ impl Rooms {
             agent.token.set_word_pos(u128::from(saved.token_position));
             if let Some(member) = saved.crowd {
                 room.traits[a] = member.traits;
+                room.absent[a] = member.traits.role == Role::Absent;
                 agent.crowd = streams.stream("training_crowd", &indices);
                 agent.crowd.set_word_pos(u128::from(member.position));
+                room.resize(a);
             }
             self.tokens[i] = saved.token;
         }
         self.observations = state.observations;
         self.transitions.fill_with(Default::default);
         Ok(())
+    }
+
+    /// The rooms of a snapshot with their obstacles, where a training crowd changes them.
+    fn furnish(&self, rooms: &[RenewalState]) -> Result<Vec<(World, Spawner)>, SimError> {
+        let expected = self.rooms.iter().filter(|room| room.renewal.is_some()).count();
+        if rooms.len() != expected {
+            return Err(SimError::field(
+                "state.rooms",
+                format!("{} rooms", rooms.len()),
+                expected.to_string(),
+            ));
+        }
+        let limits = &self.crowd;
+        let sound = |room: &RenewalState| {
+            (1..=self.n_agents).contains(&room.n_present)
+                && (1..=limits.renew_steps).contains(&room.steps_left)
+                && room.obstacles.len() <= limits.obstacles_max as usize
+        };
+        let furnish = |(r, room): (usize, &RenewalState)| {
+            if !sound(room) {
+                let found = "a number of agents, obstacles or steps out of range";
+                return Err(SimError::field(format!("state.rooms[{r}]"), found, "the state of a room"));
+            }
+            self.rooms[r].plan.furnish(&room.obstacles)
+        };
+        rooms.iter().enumerate().map(furnish).collect()
     }
 
     fn check_state(&self, state: &RoomsState) -> Result<(), SimError> {
@@ -129,16 +173,18 @@ impl Rooms {
         let sound = |a: &AgentState| {
             let e = &a.episode;
             let distances = [e.goal_distance, e.straight_distance];
+            let is_absent = a.crowd.is_some_and(|member| member.traits.role == Role::Absent);
             a.pose.is_finite()
-                && inside(a.pose.position)
-                && inside(e.goal)
+                && (is_absent || inside(a.pose.position) && inside(e.goal))
                 && e.velocity.iter().all(|x| x.is_finite())
                 && distances.iter().all(|x| (0.0..=reach).contains(x))
                 && e.path_length.is_finite()
                 && e.reward_sum.is_finite()
                 && e.steps < u32::MAX
                 && a.token < self.n_behaviours
-                && a.crowd.is_none_or(|member| (0.0..=100.0).contains(&member.traits.speed))
+                && a.crowd.is_none_or(|MemberState { traits, .. }| {
+                    (0.0..=100.0).contains(&traits.speed) && (0.1..=10.0).contains(&traits.size)
+                })
         };
         if let Some(i) = state.agents.iter().position(|a| !sound(a)) {
             let found = "a place outside the room, a number that is not finite or a token out of range";

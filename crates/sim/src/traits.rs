@@ -1,9 +1,13 @@
 //! Training crowds: agents of a training room that are not learners, drawn anew for each episode of each agent.
 //!
-//! With everything at its default every agent is a learner, and no number is drawn. Otherwise each episode of each agent
-//! begins with a draw of its [`Role`], from the agent's own stream `training_crowd`: by the shares of [`TrainingCrowd`]
-//! it is a member of the crowd for that episode, else a learner. A member has the crowd's speed; a learner is always the
-//! robot of the configuration. The first agent of each room always learns, so that no room is without a learner.
+//! With everything at its default every agent is a learner, in a room that stays as it is, and no
+//! number is drawn. Otherwise each episode of each agent begins with a draw of its [`Role`], from
+//! the agent's own stream `training_crowd`: by the shares of [`TrainingCrowd`] it is a member of
+//! the crowd for that episode, else a learner. A member has the crowd's speed; a learner is always
+//! the robot of the configuration. The first agent of each room always learns, so that no room is
+//! without a learner.
+//!
+//! What changes for learners and members alike, obstacles and the number of agents, is drawn for the room (`renewal`).
 //!
 //! # Rules for members
 //!
@@ -17,8 +21,8 @@
 //!   walks on, and now and then one changes its mind on the way (`new_goal_every`), as people do; with `turn_at_once` it faces
 //!   its new goal at once, as people on two legs can. If its body has no room to turn, it turns as it drives.
 
-use crate::config::RobotConfig;
 use crate::config::check::within;
+use crate::config::{RobotConfig, SimConfig};
 use crate::error::SimError;
 use crate::geometry::Pose;
 use glam::Vec2;
@@ -61,6 +65,27 @@ pub struct TrainingCrowd {
     pub new_goal_every: f32,
     /// Whether a member that gets a new goal on the way faces it at once. Default false.
     pub turn_at_once: bool,
+    /// Least factor on the length and the width of a member's body; uniform up to `size_max`, drawn
+    /// for each episode. Default 1.
+    pub size_min: f32,
+    /// Largest factor on the length and the width of a member's body. Above 1 all starts keep a
+    /// larger distance. Default 1.
+    pub size_max: f32,
+    /// Fewest obstacles that are put into a room; uniform up to `obstacles_max`. Default 0.
+    pub obstacles_min: u32,
+    /// Most obstacles that are put into a room: discs and boxes at random places, seen by everyone.
+    /// One that finds no place clear of bodies and goals is left out. Default 0.
+    pub obstacles_max: u32,
+    /// Least extent of an obstacle: a disc's diameter, a box's length and width, m. Default 0.3.
+    pub obstacle_size_min: f32,
+    /// Largest extent of an obstacle, m. Default 1.5.
+    pub obstacle_size_max: f32,
+    /// Fewest agents in a room at a time; uniform up to `n_agents`. 0 keeps all of them there.
+    /// Default 0.
+    pub agents_min: u32,
+    /// Steps after which a room draws its obstacles and its number of agents anew; agents leave as
+    /// their episodes end. Default 2000.
+    pub renew_steps: u32,
     /// A member that something has stopped for this many steps in a row ends its episode. Default 10: a second.
     pub stall_limit: u32,
 }
@@ -81,15 +106,52 @@ impl Default for TrainingCrowd {
             walk_on: false,
             new_goal_every: 0.0,
             turn_at_once: false,
+            size_min: 1.0,
+            size_max: 1.0,
+            obstacles_min: 0,
+            obstacles_max: 0,
+            obstacle_size_min: 0.3,
+            obstacle_size_max: 1.5,
+            agents_min: 0,
+            renew_steps: 2000,
             stall_limit: 10,
         }
     }
 }
 
 impl TrainingCrowd {
-    /// Whether all agents are learners, always.
+    /// Whether all agents are learners, always, in a room that stays as it is.
     pub fn is_off(&self) -> bool {
-        self.shares().iter().all(|(_, share, _)| *share <= 0.0)
+        !self.has_members() && !self.renews()
+    }
+
+    /// Whether some agents are no learners.
+    fn has_members(&self) -> bool {
+        self.shares().iter().any(|(_, share, _)| *share > 0.0)
+    }
+
+    /// Whether rooms change in obstacles or in their number of agents.
+    pub(crate) fn renews(&self) -> bool {
+        self.obstacles_max > 0 || self.agents_min > 0
+    }
+
+    /// Whether some bodies are larger or smaller than a robot's.
+    pub(crate) fn resizes(&self) -> bool {
+        self.has_members() && (self.size_min, self.size_max) != (1.0, 1.0)
+    }
+
+    /// The configuration as far as starts and goals go: clearances grow with the largest body, and
+    /// leave the same room around it.
+    pub(crate) fn roomy(&self, config: &SimConfig) -> SimConfig {
+        let mut roomy = config.clone();
+        if self.resizes() && self.size_max > 1.0 {
+            let more = config.robot.circumradius() * (self.size_max - 1.0);
+            roomy.robot.length *= self.size_max;
+            roomy.robot.width *= self.size_max;
+            roomy.spawn.wall_clearance += more;
+            roomy.spawn.body_clearance = (config.spawn.body_clearance + more).max(roomy.body_clearance_min());
+        }
+        roomy
     }
 
     /// Who is a member of the crowd with which probability, by the key. The order is that of the draw: new ones come last, so
@@ -124,6 +186,23 @@ impl TrainingCrowd {
         ordered(("speed_min", self.speed_min), ("speed_max", self.speed_max), 100.0)?;
         ordered(("phase_min", self.phase_min), ("phase_max", self.phase_max), 1000.0)?;
         within("new_goal_every", self.new_goal_every, 0.0, 1e6)?;
+        within("size_min", self.size_min, 0.1, 10.0)?;
+        ordered(("size_min", self.size_min), ("size_max", self.size_max), 10.0)?;
+        within("obstacle_size_min", self.obstacle_size_min, 0.01, 100.0)?;
+        let sizes =
+            [("obstacle_size_min", self.obstacle_size_min), ("obstacle_size_max", self.obstacle_size_max)];
+        ordered(sizes[0], sizes[1], 100.0)?;
+        if self.obstacles_max > OBSTACLES_MAX {
+            let expected = format!("an integer in [0, {OBSTACLES_MAX}]");
+            return Err(SimError::field("obstacles_max", self.obstacles_max, expected));
+        }
+        if self.obstacles_min > self.obstacles_max {
+            let expected = format!("at most obstacles_max = {}", self.obstacles_max);
+            return Err(SimError::field("obstacles_min", self.obstacles_min, expected));
+        }
+        if self.renew_steps == 0 {
+            return Err(SimError::field("renew_steps", 0, "at least 1"));
+        }
         if self.stall_limit == 0 {
             return Err(SimError::field("stall_limit", 0, "at least 1"));
         }
@@ -141,7 +220,8 @@ impl TrainingCrowd {
         let speed = rng.random_range(self.speed_min..=self.speed_max);
         let stands = role == Role::StopAndGo && rng.random();
         let opponent = if role == Role::Opponent { rng.random() } else { 0 };
-        Traits { role, speed, stands, opponent, ..Traits::default() }
+        let size = if self.resizes() { rng.random_range(self.size_min..=self.size_max) } else { 1.0 };
+        Traits { role, speed, stands, opponent, size, ..Traits::default() }
     }
 
     /// Whether a member changes its goal on the way in a step of `dt`. Draws nothing where none ever does.
@@ -167,6 +247,9 @@ fn ordered(low: (&str, f32), high: (&str, f32), most: f32) -> Result<(), SimErro
     Ok(())
 }
 
+/// Most obstacles that a crowd may put into a room.
+const OBSTACLES_MAX: u32 = 1000;
+
 /// A walker goes forward while its goal is no further than this from straight ahead, rad.
 const FACING: f32 = 0.1;
 
@@ -189,6 +272,8 @@ pub enum Role {
     Standing,
     /// Driven by a frozen policy; sees everyone.
     Opponent,
+    /// Not in the room.
+    Absent,
 }
 
 impl Role {
@@ -231,11 +316,31 @@ pub(crate) struct Traits {
     /// Chooses among the frozen policies: uniform over all numbers for an opponent, else 0.
     #[serde(default)]
     pub(crate) opponent: u32,
+    /// Factor on length and width of the body; exactly 1 for a learner.
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    pub(crate) size: f32,
+}
+
+fn one() -> f32 {
+    1.0
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, clippy::float_cmp, reason = "serde passes a reference")]
+fn is_one(value: &f32) -> bool {
+    *value == 1.0
 }
 
 impl Default for Traits {
     fn default() -> Self {
-        Self { role: Role::Learner, speed: 1.0, stalled_steps: 0, stands: false, phase_steps: 0, opponent: 0 }
+        Self {
+            role: Role::Learner,
+            speed: 1.0,
+            stalled_steps: 0,
+            stands: false,
+            phase_steps: 0,
+            opponent: 0,
+            size: 1.0,
+        }
     }
 }
 
@@ -335,6 +440,21 @@ mod tests {
         }
     }
 
+    #[test]
+    fn sizes_are_the_members_alone_and_change_no_other_trait() {
+        let crowd = TrainingCrowd { blind: 0.5, speed_min: 0.5, speed_max: 1.5, ..TrainingCrowd::default() };
+        let sized = TrainingCrowd { size_min: 0.6, size_max: 1.4, ..crowd.clone() };
+        let rng = |episode: u64| Streams::new(3).stream("training_crowd", &[episode]);
+        let drawn: Vec<Traits> = (0..2_000).map(|episode| sized.draw(&mut rng(episode))).collect();
+        for (episode, traits) in (0..).zip(&drawn) {
+            assert_eq!(Traits { size: 1.0, ..*traits }, crowd.draw(&mut rng(episode)));
+            assert!(!traits.role.learns() || *traits == Traits::default());
+        }
+        let sizes: Vec<f32> = drawn.iter().filter(|t| !t.role.learns()).map(|t| t.size).collect();
+        let mean = sizes.iter().sum::<f32>() / sizes.len() as f32;
+        assert!(sizes.iter().all(|size| (0.6..=1.4).contains(size)) && (mean - 1.0).abs() < 0.05, "{mean}");
+    }
+
     /// The actions of so many steps of a walker that stands in the origin with its goal at (0, 5).
     fn actions(mut traits: Traits, heading: f32, n_steps: usize) -> Vec<[f32; 2]> {
         let crowd = TrainingCrowd { phase_min: 0.2, phase_max: 0.2, ..TrainingCrowd::default() };
@@ -394,6 +514,23 @@ mod tests {
             TrainingCrowd { new_goal_every: -1.0, ..base.clone() },
             "new_goal_every: found -1, expected a number in [0, 1000000]",
         );
+        check(
+            TrainingCrowd { size_max: 0.5, ..base.clone() },
+            "size_max: found 0.5, expected at least size_min = 1",
+        );
+        check(
+            TrainingCrowd { obstacles_min: 4, obstacles_max: 3, ..base.clone() },
+            "obstacles_min: found 4, expected at most obstacles_max = 3",
+        );
+        check(
+            TrainingCrowd { obstacles_max: 1001, ..base.clone() },
+            "obstacles_max: found 1001, expected an integer in [0, 1000]",
+        );
+        check(
+            TrainingCrowd { obstacle_size_max: 0.25, ..base.clone() },
+            "obstacle_size_max: found 0.25, expected at least obstacle_size_min = 0.3",
+        );
+        check(TrainingCrowd { renew_steps: 0, ..base.clone() }, "renew_steps: found 0, expected at least 1");
         check(TrainingCrowd { stall_limit: 0, ..base }, "stall_limit: found 0, expected at least 1");
     }
 

@@ -97,12 +97,7 @@ impl World {
     ///
     /// When the shape is refused by [`Shape::validate`], is a segment, or the pose is not finite.
     pub fn add_body(&mut self, shape: &Shape, pose: Pose) -> Result<usize, SimError> {
-        let field = format!("body {}", self.bodies.len());
-        check(shape, pose, &field)?;
-        if matches!(shape, Shape::Segment { .. }) {
-            return Err(SimError::field(field, "a segment", "a shape with an area"));
-        }
-        let mut solid = Solid::new(shape, pose);
+        let mut solid = body_solid(shape, pose, self.bodies.len())?;
         let rigid = RigidBodyBuilder::kinematic_position_based().pose(solid.parry_pose());
         let handle = self.rigid_bodies.insert(rigid);
         let collider = ColliderBuilder::new(solid.parry.clone());
@@ -135,6 +130,23 @@ impl World {
     /// The walls' inner corners (least, largest), if there are walls.
     pub fn walls(&self) -> Option<(Vec2, Vec2)> {
         self.walls.map(|w| (w.min, w.max))
+    }
+
+    /// Gives a body another shape where it is, even one that overlaps others: for spawning and
+    /// restoring.
+    ///
+    /// # Errors
+    ///
+    /// As [`World::add_body`]; the body keeps its shape then.
+    pub fn set_shape(&mut self, body: usize, shape: &Shape) -> Result<(), SimError> {
+        let old = &self.bodies[body];
+        let mut solid = body_solid(shape, old.pose, body)?;
+        (solid.collider, solid.body) = (old.collider, old.body);
+        if let Some(collider) = self.colliders.get_mut(solid.collider) {
+            collider.set_shape(solid.parry.clone());
+        }
+        self.bodies[body] = solid;
+        Ok(())
     }
 
     /// Puts a body anywhere, even onto another: for spawning and restoring.
@@ -321,6 +333,16 @@ fn check(shape: &Shape, pose: Pose, field: &str) -> Result<(), SimError> {
     shape.validate(field)
 }
 
+/// A body of this index, not yet in rapier's sets.
+fn body_solid(shape: &Shape, pose: Pose, body: usize) -> Result<Solid, SimError> {
+    let field = format!("body {body}");
+    check(shape, pose, &field)?;
+    if matches!(shape, Shape::Segment { .. }) {
+        return Err(SimError::field(field, "a segment", "a shape with an area"));
+    }
+    Ok(Solid::new(shape, pose))
+}
+
 /// The same segment or polygon around the mean of its vertices, so that its circumradius culls well.
 fn centred(shape: &Shape, pose: Pose) -> (Shape, Pose) {
     let vertices = shape.vertices();
@@ -435,6 +457,25 @@ mod tests {
         assert_eq!(body.position().translation, world.pose(0).position);
         assert_eq!(collider.position().translation, world.pose(0).position);
         assert!(body.is_kinematic());
+    }
+
+    #[test]
+    fn another_shape_is_a_body_of_that_shape() {
+        let mut world = room();
+        add(&mut world, 0.0, 0.0, 0.0);
+        add(&mut world, 1.0, 0.0, 0.0);
+        assert!(!world.is_blocked(0));
+        world.set_shape(0, &Shape::square(1.6)).expect("a shape");
+        assert!(world.is_blocked(0) && world.is_blocked(1));
+        assert_eq!((world.shape(0), world.pose(0).position), (&Shape::square(1.6), Vec2::ZERO));
+        let (_, colliders) = world.rapier_scene();
+        let cuboid = |c: &rapier2d::prelude::Collider| c.shape().as_cuboid().map(|c| c.half_extents.x);
+        let extents: Vec<f32> = colliders.iter().filter_map(|(_, c)| cuboid(c)).collect();
+        assert_eq!(extents, [0.8, 0.25]);
+        world.set_shape(0, &Shape::square(0.5)).expect("a shape");
+        assert!(!world.is_blocked(0));
+        assert!(world.set_shape(0, &Shape::square(-1.0)).is_err());
+        assert_eq!(world.shape(0), &Shape::square(0.5));
     }
 
     #[test]

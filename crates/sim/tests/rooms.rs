@@ -65,6 +65,12 @@ fn crowded_rooms(n_rooms: usize) -> Rooms {
         stop_and_go: 0.1,
         standing: 0.1,
         opponents: 0.1,
+        size_min: 0.6,
+        size_max: 1.4,
+        obstacles_min: 1,
+        obstacles_max: 4,
+        agents_min: 3,
+        renew_steps: 70,
         speed_min: 0.5,
         speed_max: 1.5,
         ..TrainingCrowd::default()
@@ -91,7 +97,8 @@ fn a_training_crowd_keeps_the_contracts() {
 
 #[test]
 fn a_crowd_that_is_off_changes_no_bit_and_no_snapshot() {
-    let crowd = TrainingCrowd { speed_max: 1.5, stall_limit: 1, ..TrainingCrowd::default() };
+    let crowd =
+        TrainingCrowd { speed_max: 1.5, size_max: 2.0, renew_steps: 5, stall_limit: 1, ..Default::default() };
     let mut off = Rooms::with_crowd(&SimConfig::default(), &crowd, 2, 5, 5, &Streams::new(7)).expect("rooms");
     let mut without = rooms(&SimConfig::default(), 2, 5);
     assert_eq!(run(&mut off, 0, 300), run(&mut without, 0, 300));
@@ -99,6 +106,33 @@ fn a_crowd_that_is_off_changes_no_bit_and_no_snapshot() {
     assert_eq!(text, serde_json::to_string(&without.state()).expect("JSON"));
     assert!(!text.contains("crowd"));
     assert!(off.transitions().iter().all(|t| t.role.learns()));
+}
+
+#[test]
+fn a_snapshot_of_a_room_that_cannot_be_is_refused() {
+    let crowd = TrainingCrowd { obstacles_max: 3, ..TrainingCrowd::default() };
+    let with_crowd =
+        || Rooms::with_crowd(&SimConfig::default(), &crowd, 1, 2, 5, &Streams::new(7)).expect("rooms");
+    let text = serde_json::to_string(&with_crowd().state()).expect("JSON");
+    let check = |from: &str, to: &str, expected: &str| {
+        assert!(text.contains(from), "{text}");
+        let state: RoomsState = serde_json::from_str(&text.replace(from, to)).expect("JSON");
+        let message = with_crowd().restore(state).expect_err("refused").to_string();
+        assert!(message.contains(expected), "{message}");
+    };
+    let out_of_range = "state.rooms[0]: found a number of agents, obstacles or steps out of range";
+    check("\"n_present\":2", "\"n_present\":3", out_of_range);
+    let wall = r#""obstacles":[[{"box":{"length":30.0,"width":30.0}},{"position":[0.0,0.0],"heading":0.0}]],"steps_left""#;
+    let from = text
+        .split_once("\"obstacles\":")
+        .expect("obstacles")
+        .1
+        .split_once(",\"steps_left\"")
+        .expect("steps")
+        .0;
+    check(&format!("\"obstacles\":{from},\"steps_left\""), wall, "spawn.");
+    let rooms = text.split_once(",\"rooms\":").expect("rooms").1;
+    check(&format!(",\"rooms\":{rooms}"), "}", "state.rooms: found 0 rooms, expected 1");
 }
 
 #[test]
