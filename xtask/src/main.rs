@@ -43,6 +43,7 @@ mod reproduce;
 mod run_folder;
 mod runs;
 mod ship;
+mod stop;
 mod suite;
 mod sweep;
 mod tensorboard;
@@ -59,6 +60,10 @@ fn main() -> ExitCode {
         Err(status) => return status,
     };
     outcome.unwrap_or_else(|error| {
+        if let Some(stopped) = error.downcast_ref::<stop::Stopped>() {
+            output::note(&stopped.to_string());
+            return ExitCode::from(stop::STOPPED);
+        }
         output::note(&format!("error: {}", output::one_line(&error)));
         ExitCode::FAILURE
     })

@@ -21,6 +21,7 @@ use jostle_runs::folder::{CHECKPOINTS, CONFIG, LATEST, checkpoint_name};
 pub(crate) use jostle_runs::folder::{checkpoint_path, is_run_folder};
 
 use crate::output::note;
+use crate::stop::{self, Stopped};
 
 const LOCK: &str = "lock";
 const MILESTONES: &str = "milestones";
@@ -65,6 +66,13 @@ impl RunFolder {
         loop {
             match lock.try_lock() {
                 Ok(()) => break,
+                Err(TryLockError::WouldBlock) if wait && stop::asked() => {
+                    let again = "nothing was begun, and the same command tries again";
+                    return Err(Stopped(format!(
+                        "{shown}: stopped while another process works there; {again}"
+                    ))
+                    .into());
+                }
                 Err(TryLockError::WouldBlock) if wait => {
                     if !std::mem::replace(&mut told, true) {
                         note(&format!("{shown}: waiting for the process that works there{}", holder(path)));

@@ -15,6 +15,7 @@ use crate::ndjson::{Log, truncate_log};
 use crate::progress::{Progress, clock};
 use crate::provenance;
 use crate::run_folder::RunFolder;
+use crate::stop::{self, Stopped};
 use crate::{maps, output};
 
 /// A run keeps a checkpoint for each of this many equal parts: 31 MB each at the paper's sizes. The half serves crowd SO,
@@ -68,6 +69,7 @@ pub(crate) fn run(args: &TrainArgs) -> Result<ExitCode> {
     if let Some(threads) = args.threads {
         config.threads = threads;
     }
+    stop::on_signals()?;
     let care = Care::new(args.checkpoint_minutes, &args.milestones)?;
     let outcome = train(&config, &args.out, args.resume, "train", &care)?;
     output::result(&format!(
@@ -157,8 +159,9 @@ impl Trained {
 /// Trains the configuration's updates into `folder`, or as many as are missing when `resume` is set.
 ///
 /// # Errors
-/// When the folder holds another run, or this one and `resume` is not set; when it cannot be written; when training stops
-/// at a number that is not finite. Complete checkpoints stay as they are in all cases.
+/// When the folder holds another run, or this one and `resume` is not set; when it cannot be
+/// written; when training stops at a number that is not finite, or, with [`Stopped`], where a
+/// signal asked for it. Complete checkpoints stay as they are in all cases.
 pub(crate) fn train(
     config: &Config,
     folder: &Path,
@@ -220,7 +223,8 @@ pub(crate) fn train(
         let rate = (done - found) as f64 * config.rollout_len() as f64 / started.elapsed().as_secs_f64();
         progress.set(done, &format!("{rate:.0} transitions/s {}", recent.describe()));
         let milestone = care.updates(config).any(|(_, at)| at == done);
-        let due = care.every.is_some_and(|every| saved.elapsed() >= every);
+        let stopped = stop::asked() && done < config.updates;
+        let due = stopped || care.every.is_some_and(|every| saved.elapsed() >= every);
         if is_planned(done, config) || milestone || due {
             log.sync()?;
             trainer.save(&run.checkpoint(done))?;
@@ -228,6 +232,12 @@ pub(crate) fn train(
             keep_policies(&run, done, config, care)?;
             settle(&run, done, config)?;
             saved = Instant::now();
+        }
+        if stopped {
+            let again = "nothing is lost, and the same command with --resume goes on there";
+            return Err(
+                Stopped(format!("{name}: stopped at update {done} of {}; {again}", config.updates)).into()
+            );
         }
     }
     let made = config.updates.saturating_sub(found);

@@ -185,6 +185,40 @@ fn a_killed_sweep_takes_its_runs_along_and_the_next_call_ends_with_the_same_byte
 }
 
 #[test]
+fn a_sweep_that_is_asked_to_stop_loses_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let more = "updates = 100000\ncheckpoint_minutes = 0";
+    let plan = plan(folder.path(), more, "");
+    let runs = folder.path().join("runs");
+    let sweep = Command::new(env!("CARGO_BIN_EXE_xtask"))
+        .args(["sweep", text(&plan), "--jobs", "2"])
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let made =
+        |run: &str| fs::read_to_string(runs.join(run).join("log.ndjson")).unwrap_or_default().lines().count();
+    let deadline = Instant::now() + Duration::from_mins(2);
+    // The plan's order is that of its seeds.
+    while made("m1-seed1") < 5 || made("m2-seed1") < 5 {
+        assert!(Instant::now() < deadline, "training did not start");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    // To the sweep alone, as a scheduler does; a terminal sends it to the runs, too.
+    assert!(Command::new("kill").args(["-INT", &sweep.id().to_string()]).status().unwrap().success());
+    let output = sweep.wait_with_output().unwrap();
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(75), "{message}");
+    assert!(message.contains("stopped with 0 of 4 runs done") && !message.contains("failed"), "{message}");
+    for run in ["m1-seed1", "m2-seed1"] {
+        assert!(message.contains(&format!("{run}: stopped at update {} of 100000", made(run))), "{message}");
+        let newest = fs::read_to_string(runs.join(run).join("latest")).unwrap();
+        assert_eq!(newest, format!("{:06}.safetensors\n", made(run)));
+    }
+    assert!(!runs.join("m2-seed2").exists(), "a run was begun afterwards");
+}
+
+#[test]
 fn a_failed_run_does_not_stop_the_others() {
     let folder = tempfile::tempdir().unwrap();
     let plan = plan(folder.path(), "", "");

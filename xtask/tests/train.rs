@@ -4,6 +4,8 @@ mod common;
 
 use std::fs;
 use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
 
 use common::tiny::{config, finished_run, train};
 use common::{accepted, text, xtask};
@@ -102,6 +104,87 @@ fn a_finished_run_is_reused() {
     let out = accepted(&["train", "--config", text(&file), "--out", text(finished_run()), "--resume"]);
     assert!(out.contains("finished already"), "{out}");
     assert!(last_checkpoint(finished_run()) == before);
+}
+
+/// A training that goes on until it is stopped and writes no checkpoint by itself.
+fn endless(folder: &Path, run: &Path, overrides: &[&str]) -> Child {
+    let file = config(folder);
+    let length = ["updates=1000000", "checkpoint_every=1000000"];
+    let mut arguments = vec![
+        "train",
+        "--config",
+        text(&file),
+        "--out",
+        text(run),
+        "--threads",
+        "1",
+        "--checkpoint-minutes",
+        "0",
+    ];
+    for argument in length.iter().chain(overrides) {
+        arguments.extend(["--set", argument]);
+    }
+    let mut command = Command::new(env!("CARGO_BIN_EXE_xtask"));
+    command.args(arguments).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap()
+}
+
+fn send(signal: &str, process: &Child) {
+    let sent = Command::new("kill").args([signal, &process.id().to_string()]).status().unwrap();
+    assert!(sent.success());
+}
+
+/// Waits until a run folder is so far.
+fn wait_for(what: &str, mut is_so: impl FnMut() -> bool) {
+    let deadline = Instant::now() + Duration::from_mins(2);
+    while !is_so() {
+        assert!(Instant::now() < deadline, "{what}");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+#[test]
+fn a_signal_ends_a_run_at_a_checkpoint_and_nothing_is_lost() {
+    for signal in ["-TERM", "-INT"] {
+        let folder = tempfile::tempdir().unwrap();
+        let run = folder.path().join("run");
+        let process = endless(folder.path(), &run, &[]);
+        let made = || fs::read_to_string(run.join("log.ndjson")).unwrap_or_default().lines().count();
+        wait_for("training did not start", || made() >= 5);
+        assert_eq!(fs::read_to_string(run.join("latest")).unwrap(), "000000.safetensors\n", "too early");
+        send(signal, &process);
+        let output = process.wait_with_output().unwrap();
+        let message = String::from_utf8(output.stderr).unwrap();
+        let last = message.lines().last().unwrap();
+        assert_eq!(output.status.code(), Some(75), "{message}");
+        let (at, next) =
+            (format!("stopped at update {} of 1000000", made()), "the same command with --resume");
+        assert!(last.contains(&at) && last.contains(next) && !last.contains("error"), "{message}");
+        assert_eq!(fs::read_to_string(run.join("latest")).unwrap(), format!("{:06}.safetensors\n", made()));
+        // It goes on there, and ends as a run that was never stopped.
+        let length = format!("updates={}", made() + 2);
+        let message = resume(&run, &[&length]);
+        assert!(!message.contains("made again"), "{message}");
+        let whole = folder.path().join("whole");
+        train(&whole, &[&length]);
+        assert_eq!(curve(&run), curve(&whole));
+        assert!(last_checkpoint(&run) == last_checkpoint(&whole), "the last checkpoints differ");
+    }
+}
+
+#[test]
+fn a_second_signal_ends_a_run_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run");
+    // One update takes many seconds.
+    let process = endless(folder.path(), &run, &["horizon=65536"]);
+    wait_for("training did not start", || run.join("latest").exists());
+    send("-INT", &process);
+    std::thread::sleep(Duration::from_millis(200));
+    send("-INT", &process);
+    let output = process.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130), "{}", String::from_utf8_lossy(&output.stderr));
+    assert_eq!(fs::read_to_string(run.join("latest")).unwrap(), "000000.safetensors\n");
+    assert_eq!(fs::read_to_string(run.join("log.ndjson")).unwrap(), "");
 }
 
 #[test]

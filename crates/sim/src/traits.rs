@@ -7,7 +7,8 @@
 //! the robot of the configuration. The first agent of each room always learns, so that no room is
 //! without a learner.
 //!
-//! What changes for learners and members alike, obstacles and the number of agents, is drawn for the room (`renewal`).
+//! What changes for learners and members alike, obstacles and the number of agents, is drawn for
+//! the room (`renewal`).
 //!
 //! # Rules for members
 //!

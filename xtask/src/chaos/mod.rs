@@ -6,6 +6,9 @@
 //! the end of the log, as a torn write would. Its folder must then be that of the uninterrupted run: the same files with
 //! the same bytes, but for the clock in the log. Evaluations of the finished run are treated alike.
 //!
+//! With `--gently` training is asked to stop, by SIGTERM: it must then say so by its exit status,
+//! and its newest checkpoint must hold every update that its log has.
+//!
 //! Reading order: this file; [`victim`] (what is killed); [`trigger`] (when); [`compare`] (what must be equal).
 
 pub(crate) mod compare;
@@ -33,11 +36,16 @@ const TORN: u32 = 4;
 
 /// Arguments of `chaos`.
 #[derive(Args)]
-#[command(after_help = "Example:\n  cargo xtask chaos --kills 50 --seed 1")]
+#[command(
+    after_help = "Example:\n  cargo xtask chaos --kills 50 --seed 1\n  cargo xtask chaos --kills 20 --gently"
+)]
 pub(crate) struct ChaosArgs {
     /// How many times a process is killed.
     #[arg(long, value_name = "N", default_value_t = 50)]
     kills: u64,
+    /// Only train, and stop it by SIGTERM instead: nothing at all may be made again then.
+    #[arg(long)]
+    gently: bool,
     /// Seed of the moments.
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -53,8 +61,8 @@ pub(crate) fn run(args: &ChaosArgs) -> Result<ExitCode> {
     anyhow::ensure!(!folder.exists(), "{} is there already; choose a new folder", folder.display());
     std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
     let mut tally = Tally::default();
-    let evaluations = args.kills / EVALUATIONS;
-    let train = Victim::train(&folder)?;
+    let evaluations = if args.gently { 0 } else { args.kills / EVALUATIONS };
+    let train = Victim::train(&folder, args.gently)?;
     torment(&train, args.kills - evaluations, args.seed, &mut tally)?;
     if tally.lost.is_empty() && evaluations > 0 {
         let evaluate = Victim::evaluate(&folder, &train.reference())?;
@@ -119,7 +127,11 @@ fn torment(victim: &Victim, kills: u64, seed: u64, tally: &mut Tally) -> Result<
                     tally.during_checkpoint += u64::from(moment == Moment::Checkpoint);
                     tally.during_append += u64::from(moment == Moment::Append);
                     tally.lost.extend(Victim::lost_checkpoint(&folder));
-                    tally.torn += u64::from(tear(victim, &folder, &mut rng)?);
+                    if victim.gently() {
+                        tally.lost.extend(victim.lost_updates(&folder)?);
+                    } else {
+                        tally.torn += u64::from(tear(victim, &folder, &mut rng)?);
+                    }
                 }
             }
         }

@@ -9,7 +9,8 @@ use anyhow::{Context as _, Result, bail};
 use jostle_policy::TensorFile;
 
 use super::trigger::{Moment, Trigger};
-use crate::run_folder::latest_checkpoint;
+use crate::run_folder::{latest_checkpoint, latest_update};
+use crate::stop;
 
 /// Two agents with 16 beams and networks of 32 units: an update takes milliseconds, a checkpoint as long.
 const CONFIG: &str = "\
@@ -28,6 +29,8 @@ pub(super) struct Victim {
     arguments: Vec<String>,
     /// Where, below its output folder, a file grows line by line.
     growing: &'static str,
+    /// Whether it is asked to stop instead of killed.
+    gently: bool,
 }
 
 /// How a process ended.
@@ -40,7 +43,7 @@ pub(super) enum Ending {
 
 impl Victim {
     /// Training of the small configuration.
-    pub(super) fn train(folder: &Path) -> Result<Self> {
+    pub(super) fn train(folder: &Path, gently: bool) -> Result<Self> {
         let config = folder.join("config.toml");
         fs::write(&config, CONFIG).with_context(|| format!("cannot write {}", config.display()))?;
         let arguments = ["train", "--config", &config.display().to_string(), "--resume"];
@@ -49,6 +52,7 @@ impl Victim {
             folder: folder.to_owned(),
             arguments: arguments.map(str::to_owned).to_vec(),
             growing: "log.ndjson",
+            gently,
         })
     }
 
@@ -70,6 +74,7 @@ impl Victim {
             folder: folder.to_owned(),
             arguments: arguments.map(str::to_owned).to_vec(),
             growing: "records",
+            gently: false,
         })
     }
 
@@ -124,10 +129,48 @@ impl Victim {
             std::thread::sleep(POLL);
         }
         std::thread::sleep(trigger.pause);
+        if self.gently {
+            return self.stop(child, trigger.moment);
+        }
         // SIGKILL; a process that has just ended by itself is no error.
         child.kill().context("cannot kill the process")?;
         child.wait().context("cannot wait for the process")?;
         Ok(Ending::Killed(trigger.moment))
+    }
+
+    /// Asks a process to stop, and waits until it has.
+    fn stop(&self, mut child: Child, moment: Moment) -> Result<Ending> {
+        let sent = Command::new("kill").args(["-TERM", &child.id().to_string()]).status();
+        sent.context("cannot start kill")?;
+        let status = child.wait().context("cannot wait for the process")?;
+        match status.code() {
+            Some(0) => Ok(Ending::Finished),
+            Some(code) if code == i32::from(stop::STOPPED) => Ok(Ending::Killed(moment)),
+            // The signal came before the process watched for it, and so before it made an update.
+            None => Ok(Ending::Killed(moment)),
+            Some(_) => {
+                bail!("{}: found {status} after SIGTERM, expected {}", self.name, stop::STOPPED)
+            }
+        }
+    }
+
+    /// Whether it is asked to stop instead of killed.
+    pub(super) fn gently(&self) -> bool {
+        self.gently
+    }
+
+    /// What a process that was asked to stop has left behind its newest checkpoint, which should be
+    /// nothing.
+    pub(super) fn lost_updates(&self, out: &Path) -> Result<Option<String>> {
+        let path = out.join(self.growing);
+        if !path.exists() {
+            return Ok(None);
+        }
+        let text = fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
+        let (made, kept) = (text.lines().count() as u64, latest_update(out)?.unwrap_or(0));
+        let told =
+            format!("{}: {made} updates are logged, and the newest checkpoint has {kept}", out.display());
+        Ok((made != kept).then_some(told))
     }
 
     /// What was finished before the kill must still be whole: the checkpoint that `latest` names.

@@ -17,9 +17,12 @@ use super::task::{Stage, last_line, log_path};
 use crate::output::{self, note};
 use crate::progress::clock;
 use crate::provenance::{self, COMMIT};
+use crate::stop::{self, Stopped};
 
 /// How often processes are looked after.
 const POLL: Duration = Duration::from_millis(200);
+/// Exit statuses of a run that was asked to stop.
+const ENDED: [i32; 2] = [stop::STOPPED as i32, stop::INTERRUPTED];
 /// Time between two rounds of lines, one for each run, where standard error is no terminal.
 const ROUND: Duration = Duration::from_secs(30);
 
@@ -34,6 +37,7 @@ pub(super) fn run(plan: &Plan, jobs: usize) -> Result<ExitCode> {
             Stage::Waiting | Stage::Stopped | Stage::Trained => waiting.push_back(task),
         }
     }
+    stop::on_signals()?;
     note(&format!("sweep: {} runs, {done} of them done", plan.tasks.len()));
     for name in &elsewhere {
         note(&format!("sweep: {name} is left to the process that works on it"));
@@ -44,7 +48,16 @@ pub(super) fn run(plan: &Plan, jobs: usize) -> Result<ExitCode> {
     let mut board = Board::new();
     let mut running: Vec<Job> = Vec::new();
     let mut failed = Vec::new();
+    let mut stopping = false;
     while !(waiting.is_empty() && running.is_empty()) {
+        if stop::asked() && !std::mem::replace(&mut stopping, true) {
+            board.say("sweep: stopping; each run ends its update and writes a checkpoint");
+            waiting.clear();
+            for job in &mut running {
+                // Their standard input ends, which asks them to stop.
+                drop(job.child.stdin.take());
+            }
+        }
         while running.len() < jobs {
             let Some(task) = waiting.pop_front() else { break };
             running.push(Job::start(plan, task, threads, &commit, &board)?);
@@ -62,6 +75,9 @@ pub(super) fn run(plan: &Plan, jobs: usize) -> Result<ExitCode> {
             if status.success() {
                 done += 1;
                 board.say(&format!("sweep: {name} is done after {} ({said})", clock(seconds)));
+            } else if status.code().is_some_and(|code| ENDED.contains(&code)) {
+                // What it said names the run.
+                board.say(&format!("sweep: {said}"));
             } else {
                 board.say(&format!("sweep: {name} failed: {said} (see {})", job.log.display()));
                 failed.push(name.as_str());
@@ -74,7 +90,12 @@ pub(super) fn run(plan: &Plan, jobs: usize) -> Result<ExitCode> {
     for name in &failed {
         note(&format!("sweep: {name} failed; the same command tries it again"));
     }
-    let complete = failed.is_empty() && elsewhere.is_empty();
+    let complete = done == plan.tasks.len();
+    if stopping && !complete {
+        let again = "nothing is lost, and the same command goes on there";
+        let told = format!("sweep: stopped with {done} of {} runs done; {again}", plan.tasks.len());
+        return Err(Stopped(told).into());
+    }
     Ok(if complete { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 

@@ -338,7 +338,7 @@ fn array_script(plan: &Plan, tasks: &[&Task], program: &Path, copy: &Path) -> St
     let _ = write!(
         text,
         "export JOSTLE_COMMIT={}\n\
-         # Shortly before the time limit: stop, which costs what came after the last checkpoint, and queue again.\n\
+         # Shortly before the time limit: stop at a checkpoint, and queue again.\n\
          again() {{\n  kill \"$process\"\n  wait \"$process\"\n  \
          exec scontrol requeue \"${{SLURM_ARRAY_JOB_ID}}_${{SLURM_ARRAY_TASK_ID}}\"\n}}\n\
          trap again USR1\n\

@@ -9,8 +9,8 @@ use clap::Args;
 
 use super::plan::{Plan, Task};
 use crate::run_folder::{RunFolder, is_locked, is_run_folder, latest_update};
-use crate::threads;
 use crate::train::train;
+use crate::{stop, threads};
 
 /// Arguments of `sweep task`.
 #[derive(Args)]
@@ -75,6 +75,7 @@ impl Stage {
 
 /// Does the run that the arguments name.
 pub(super) fn run(args: &TaskArgs) -> Result<()> {
+    stop::on_signals()?;
     if args.lifeline {
         end_with_standard_input();
     }
@@ -89,19 +90,20 @@ pub(super) fn run(args: &TaskArgs) -> Result<()> {
     train(&config, &task.folder, true, &task.name, &care)?;
     if let Some(evaluation) = &plan.evaluation {
         let _held = RunFolder::open(&task.folder, args.wait)?;
+        stop::anywhere();
         evaluation.run(task)?;
     }
     Ok(())
 }
 
-/// Ends this process when standard input ends. A process that is killed takes its runs along in this way; they lose what came
-/// after their last checkpoint, as by any kill.
+/// Ends this process at the next good place when standard input ends: a sweep that is killed takes
+/// its runs along in this way.
 fn end_with_standard_input() {
     std::thread::spawn(|| {
         let mut stdin = std::io::stdin().lock();
         let mut bytes = [0; 64];
         while matches!(stdin.read(&mut bytes), Ok(1..)) {}
-        std::process::exit(1);
+        stop::ask();
     });
 }
 
