@@ -7,6 +7,7 @@ use std::process::ExitCode;
 
 use anyhow::{Context as _, Result, bail, ensure};
 use clap::{Args, Subcommand};
+use jostle_eval::Planner;
 use jostle_eval::compact::CompactCell;
 use jostle_eval::identity::short;
 use jostle_ppo::{Config, Trainer};
@@ -145,7 +146,10 @@ fn curve(folder: &std::path::Path, name: &str, updates: usize) -> Result<()> {
 fn results(folder: &std::path::Path, checkpoints: &std::path::Path) -> Result<()> {
     let cells = folder.join("cells");
     let manifest = Manifest::load(checkpoints)?;
-    let is_shipped = |sha256: &str| manifest.policies.iter().any(|policy| policy.sha256 == sha256);
+    let planners = Planner::ALL.map(|planner| planner.identity().sha256);
+    let is_shipped = |sha256: &String| {
+        planners.contains(sha256) || manifest.policies.iter().any(|policy| policy.sha256 == *sha256)
+    };
     let (mut count, mut episodes) = (0, 0);
     for entry in std::fs::read_dir(&cells).with_context(|| format!("cannot list {}", cells.display()))? {
         let path = entry?.path();

@@ -176,6 +176,9 @@ fn tables_are_the_same_from_stored_and_from_fresh_cells() {
         "M 1, updates 5000, updates/M 5000: trained for 4 updates, not for the paper's 5000",
         "M 1, updates 5000, updates/M 5000: m1-seed2-000004 (sha256",
         "M 10, updates 5000, updates/M 500: not trained yet; `cargo xtask reproduce table1 --train --rows m10` trains it",
+        "dwa                     –        –          planner  ",
+        "orca (knows positions)",
+        "straight: against M = 1: NH ",
         "Not trained yet",
         "  m20: 20000 updates, 1 seed, about ",
     ] {
@@ -183,23 +186,23 @@ fn tables_are_the_same_from_stored_and_from_fresh_cells() {
     }
     let results = shipped.folder.join("results");
     let csv = fs::read_to_string(results.join("table1.csv")).unwrap();
-    // Two trained rows: seven columns with two seeds and their pool; four rows without.
-    assert_eq!(csv.lines().count(), 1 + 2 * 7 * 3 + 4 * 7);
+    // Two trained rows: seven columns with two seeds and their pool; four rows without; five planners.
+    assert_eq!(csv.lines().count(), 1 + 2 * 7 * 3 + 4 * 7 + 5 * 7);
     for extension in ["md", "tex", "json"] {
         assert!(fs::metadata(results.join(format!("table1.{extension}"))).unwrap().len() > 500);
     }
     let cells = || fs::read_dir(results.join("cells")).unwrap().count();
-    assert_eq!(cells(), 2 * 2 * 6);
+    assert_eq!(cells(), (2 * 2 + 5) * 6);
     let markdown = fs::read(results.join("table1.md")).unwrap();
     let again = xtask(&strs(&words));
-    assert!(String::from_utf8(again.stderr).unwrap().contains("24 cells read, 0 run, 0 run again"));
+    assert!(String::from_utf8(again.stderr).unwrap().contains("54 cells read, 0 run, 0 run again"));
     let fresh = xtask(&strs(&shipped.reproduce("table1", "results", &["--fresh", "--threads", "1"])));
-    assert!(String::from_utf8(fresh.stderr).unwrap().contains("24 run again with the same result"));
+    assert!(String::from_utf8(fresh.stderr).unwrap().contains("54 run again with the same result"));
     assert_eq!(fs::read(results.join("table1.md")).unwrap(), markdown);
     let folder = shipped.path("checkpoints");
     let verify = ["verify", "results", "--out", text(&results), "--checkpoints"];
     let printed = accepted(&[&verify[..], &[folder.as_str()]].concat());
-    assert!(printed.starts_with("24 cells, 144 episodes"), "{printed}");
+    assert!(printed.starts_with("54 cells, 324 episodes"), "{printed}");
     // The cells serve no row beside other policies.
     refused(&verify[..4], &["-z0-", "policy ", "checkpoints/manifest.json", "remove it"]);
 }

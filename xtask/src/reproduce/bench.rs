@@ -9,10 +9,12 @@ use jostle_eval::config::EvalConfig;
 use jostle_eval::crowds::Pools;
 use jostle_eval::diversity::{Diversity, TRAJECTORY_STEPS, diversity, trajectory};
 use jostle_eval::protocol::Protocol;
+use jostle_eval::{Driver, Planner};
 use jostle_peds::CrowdKind;
 
 use super::cells::{Cells, Wanted};
 use super::plan::row_spec;
+use super::planners::Sites;
 use super::policies::{Found, Policies};
 
 /// The behaviour token of every row (paper, V-A).
@@ -38,6 +40,8 @@ pub(crate) struct Bench {
     episodes: u64,
     pools: Pools,
     rows: BTreeMap<&'static str, Evaluated>,
+    /// By planner and number of agents.
+    planners: BTreeMap<(Planner, usize), Sites>,
     /// The trajectory that D is measured on, once it is needed.
     states: Option<Vec<f32>>,
 }
@@ -48,7 +52,15 @@ impl Bench {
         ensure!(episodes > 0, "--episodes: found 0, expected at least 1");
         let pools = policies.pools()?;
         let cells = Cells::open(results.join("cells"), fresh)?;
-        Ok(Self { policies, cells, episodes, pools, rows: BTreeMap::new(), states: None })
+        Ok(Self {
+            policies,
+            cells,
+            episodes,
+            pools,
+            rows: BTreeMap::new(),
+            planners: BTreeMap::new(),
+            states: None,
+        })
     }
 
     /// Episodes of a cell.
@@ -116,9 +128,31 @@ impl Bench {
             ..EvalConfig::default()
         };
         let protocol = Protocol::new(config, self.pools.clone())?;
-        let wanted =
-            Wanted { protocol: &protocol, policy: &found.policy, token, crowd, episodes: self.episodes };
+        let driver = Driver::Trained(Box::new(found.policy.clone()));
+        let wanted = Wanted { protocol: &protocol, driver: &driver, token, crowd, episodes: self.episodes };
         Ok(self.cells.get(&wanted)?.episodes(self.episodes as usize))
+    }
+
+    /// A planner among the six crowds, one robot and `n_agents` − 1 pedestrians, in the room of the base setting.
+    pub(crate) fn planner(&mut self, planner: Planner, n_agents: usize) -> Result<&Sites> {
+        let mut sites = self.planners.remove(&(planner, n_agents)).unwrap_or_default();
+        let driver = Driver::Planner(planner);
+        let config = EvalConfig { sim: self.policies.sim(), n_agents, ..EvalConfig::default() };
+        let protocol = Protocol::new(config, self.pools.clone())?;
+        for crowd in CrowdKind::PAPER {
+            if !sites.contains_key(crowd.name()) {
+                let wanted = Wanted {
+                    protocol: &protocol,
+                    driver: &driver,
+                    token: TOKEN,
+                    crowd,
+                    episodes: self.episodes,
+                };
+                let episodes = self.cells.get(&wanted)?.episodes(self.episodes as usize);
+                sites.insert(crowd.name().to_owned(), episodes);
+            }
+        }
+        Ok(self.planners.entry((planner, n_agents)).insert_entry(sites).into_mut())
     }
 
     /// The study of all rows that were run.

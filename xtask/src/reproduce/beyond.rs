@@ -86,5 +86,14 @@ pub(super) fn outcomes(bench: &mut Bench) -> Result<PooledTable> {
 
 fn row(labels: Vec<String>, cells: Vec<Option<PooledCell>>, sources: &[Source]) -> PooledRow {
     let paper = vec![None; cells.len()];
-    PooledRow { labels, cells, paper, decimals: 3, sources: sources.to_vec(), command: None, note: None }
+    PooledRow {
+        labels,
+        cells,
+        paper,
+        decimals: 3,
+        sources: sources.to_vec(),
+        command: None,
+        note: None,
+        planner: false,
+    }
 }

@@ -3,12 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
+use jostle_eval::Driver;
 use jostle_eval::compact::CompactCell;
 use jostle_eval::identity::short;
-use jostle_eval::loaded::LoadedPolicy;
 use jostle_eval::protocol::{Protocol, Subject};
-use jostle_eval::robot::TrainedRobot;
-use jostle_eval::room::metric_scale;
+use jostle_eval::room::{RoomPlan, metric_scale};
 use jostle_peds::CrowdKind;
 
 use crate::output::note;
@@ -31,7 +30,7 @@ pub(crate) struct Cells {
 /// What is to be run.
 pub(crate) struct Wanted<'a> {
     pub(crate) protocol: &'a Protocol,
-    pub(crate) policy: &'a LoadedPolicy,
+    pub(crate) driver: &'a Driver,
     pub(crate) token: u32,
     pub(crate) crowd: CrowdKind,
     pub(crate) episodes: u64,
@@ -49,8 +48,9 @@ impl Cells {
     /// # Errors
     /// What the protocol refuses; with `fresh`, a stored cell that differs from what comes out now.
     pub(crate) fn get(&mut self, wanted: &Wanted<'_>) -> Result<CompactCell> {
-        let Wanted { protocol, policy, token, crowd, episodes } = *wanted;
-        let subject = Subject { identity: &policy.identity, token };
+        let Wanted { protocol, driver, token, crowd, episodes } = *wanted;
+        let identity = driver.identity();
+        let subject = Subject { identity: &identity, token };
         let key = protocol.key(subject, crowd);
         let path = self.folder.join(format!("{crowd}-z{token}-{}.txt", short(&key.hash())));
         let stored = path.exists().then(|| CompactCell::read(&path)).transpose()?;
@@ -63,15 +63,14 @@ impl Cells {
                 return Ok(stored.clone());
             }
         }
-        let mut robot = TrainedRobot::new(policy, token, protocol.config().backend)?;
-        let label = format!("{}, z = {token}, {crowd}", policy.identity.name);
+        let mut robot = driver.robot(token, &RoomPlan::new(protocol.config(), crowd)?)?;
+        let label = format!("{}, z = {token}, {crowd}", identity.name);
         let mut progress = Progress::new(&label, episodes, 0);
         let run = protocol
-            .evaluate(&mut robot, subject, crowd, episodes, None, |done| progress.set(done, ""))
+            .evaluate(&mut *robot, subject, crowd, episodes, None, |done| progress.set(done, ""))
             .with_context(|| label.clone())?;
         progress.finish(&format!("success {:.2}", run.result.summary.success_rate.unwrap_or(0.0)));
-        let cell =
-            CompactCell::new(key, policy.identity.clone(), metric_scale(protocol.config()), &run.records);
+        let cell = CompactCell::new(key, identity.clone(), metric_scale(protocol.config()), &run.records);
         if let Some(stored) = stored {
             self.compare(&path, &stored, &cell)?;
         } else {

@@ -1,6 +1,7 @@
 //! Table 5: two realistic maps, a Jackal's body and limits, 3 to 8 social-force pedestrians.
 
 use anyhow::Result;
+use jostle_eval::Driver;
 use jostle_eval::compact::CompactEpisode;
 use jostle_eval::config::EvalConfig;
 use jostle_eval::crowds::Pools;
@@ -27,15 +28,25 @@ pub(super) const NOTE: &str = "100 episodes a map and seed, as evenly as possibl
 
 /// The episodes of a policy on each map.
 pub(super) fn run(cells: &mut Cells, found: &Found) -> Result<Vec<(String, Vec<CompactEpisode>)>> {
-    MAPS.iter().map(|map| Ok(((*map).to_owned(), on_map(cells, found, map)?))).collect()
+    let driver = Driver::Trained(Box::new(found.policy.clone()));
+    on_maps(cells, &driver, &found.policy.sim_config()?)
 }
 
-fn on_map(cells: &mut Cells, found: &Found, map: &str) -> Result<Vec<CompactEpisode>> {
+/// The episodes of a driver on each map, in its own world but for map and robot.
+pub(super) fn on_maps(
+    cells: &mut Cells,
+    driver: &Driver,
+    sim: &SimConfig,
+) -> Result<Vec<(String, Vec<CompactEpisode>)>> {
+    MAPS.iter().map(|map| Ok(((*map).to_owned(), on_map(cells, driver, sim, map)?))).collect()
+}
+
+fn on_map(cells: &mut Cells, driver: &Driver, sim: &SimConfig, map: &str) -> Result<Vec<CompactEpisode>> {
     let mut all = Vec::new();
     let counts = PEDESTRIANS.count() as u64;
     for (i, n_pedestrians) in PEDESTRIANS.enumerate() {
         let config = EvalConfig {
-            sim: world(found.policy.sim_config()?, map),
+            sim: world(sim.clone(), map),
             n_agents: 1 + n_pedestrians,
             // In so small a place 3 m around every body would leave none.
             respawn_clearance: 1.5,
@@ -43,13 +54,7 @@ fn on_map(cells: &mut Cells, found: &Found, map: &str) -> Result<Vec<CompactEpis
         };
         let protocol = Protocol::new(config, Pools::default())?;
         let episodes = EPISODES / counts + u64::from((i as u64) < EPISODES % counts);
-        let wanted = Wanted {
-            protocol: &protocol,
-            policy: &found.policy,
-            token: TOKEN,
-            crowd: CrowdKind::Sf,
-            episodes,
-        };
+        let wanted = Wanted { protocol: &protocol, driver, token: TOKEN, crowd: CrowdKind::Sf, episodes };
         all.extend(cells.get(&wanted)?.episodes(episodes as usize));
     }
     Ok(all)

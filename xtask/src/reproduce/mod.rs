@@ -1,7 +1,7 @@
 //! `cargo xtask reproduce`: the paper's tables and figures beside its figures, from shipped policies or from nothing.
 //!
 //! Reading order: this file (what is asked for), [`plan`] (rows and their training settings), [`policies`] (where policies
-//! come from), [`cells`] (episodes, each cell run once), [`mod@bench`] (the study), [`tables`], [`deployment`], [`beyond`],
+//! come from), [`cells`] (episodes, each cell run once), [`mod@bench`] (the study), [`tables`], [`planners`], [`deployment`], [`beyond`],
 //! [`curves`], [`paths`] (what is printed), [`training`] and [`hours`] (`--train`), [`page`] (docs/reproduction.md, README.md). The small
 //! preset, which trains everything within minutes, is a thing of its own: [`small`].
 
@@ -14,6 +14,7 @@ mod hours;
 mod page;
 mod paths;
 pub(crate) mod plan;
+mod planners;
 mod policies;
 mod small;
 mod tables;

@@ -7,6 +7,7 @@ use anyhow::{Context as _, Result};
 use jostle_eval::crowds::Pools;
 use jostle_eval::loaded::LoadedPolicy;
 use jostle_eval::report::Source;
+use jostle_sim::SimConfig;
 
 use super::plan::{POOL, Plan};
 use crate::run_folder::{checkpoint_path, is_run_folder};
@@ -71,6 +72,11 @@ impl Policies {
             Manifest::load_optional(checkpoints)?
         };
         Ok(Self { plan, checkpoints: checkpoints.to_owned(), manifest, runs: runs.to_owned(), trained })
+    }
+
+    /// The room, robot and laser of the base setting.
+    pub(crate) fn sim(&self) -> SimConfig {
+        self.plan.run(POOL, 0).sim
     }
 
     /// The policies of a variant at a number of updates, by training seed. Where there is none that long, the longest that

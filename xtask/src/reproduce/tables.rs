@@ -7,11 +7,13 @@ use jostle_eval::metrics::{EpisodeMetrics, Summary};
 use jostle_eval::outcome::EpisodeOutcome;
 use jostle_eval::paper::{self, Metric};
 use jostle_eval::report::{PooledCell, PooledRow, PooledTable, SeedValue};
+use jostle_eval::{Driver, Planner};
 use jostle_peds::CrowdKind;
 
 use super::bench::{Bench, Evaluated};
 use super::deployment;
-use super::plan::row_spec;
+use super::plan::{STRONG, row_spec};
+use super::planners::{self, Reference, own_label};
 
 /// Rows of Table I in the paper's order, and so on.
 const ROWS_1: [&str; 6] = ["m1", "m5", "m10", "m20", "m10-long", "m20-long"];
@@ -26,6 +28,18 @@ pub(super) const ROWS_STRONG: [&str; 2] = ["strong", "strong-n10"];
 const READING: &str = "ours: mean over training seeds (robot's token z = 0). 95 %: with one seed, over its episodes (Wilson for a \
     rate, Student for a mean); with several, Student's interval over the seeds. paper: the figure printed there.";
 
+/// How comparisons of planners with learned rows are to be read.
+const PAIRED: &str = "against M = 1 (M = 5): difference to the mean of its training seeds, and the largest p of McNemar's exact \
+    test over them, each on the same episodes.";
+
+/// How the comparison of the strong policy with a planner is to be read.
+const POOLED: &str = "against dwa: difference of success; in brackets the episodes that only the policy or only dwa brought to the \
+    goal, all training seeds together, and p of McNemar's exact test of them; as the seeds meet dwa on the same episodes, the \
+    largest p of a single seed stands beside it.";
+
+/// The planner that the strong policy is held against.
+const BAR: Planner = Planner::Dwa;
+
 /// Success against the number of behaviours.
 pub(super) fn table_1(bench: &mut Bench) -> Result<PooledTable> {
     let mut rows = Vec::new();
@@ -34,21 +48,36 @@ pub(super) fn table_1(bench: &mut Bench) -> Result<PooledTable> {
         let labels = labels.map(|label| label.to_string()).to_vec();
         rows.push(success_row(bench.row(name)?, name, labels, of_paper.rates, of_paper.average, "table1"));
     }
+    let references = Reference::pair(bench, ["m1", "m5"])?;
+    rows.extend(planners::success_rows(bench, 5, |planner| own_label(planner, 3), &references)?);
     let title = "Table 1. Success rate against the number of behaviours M";
-    Ok(success_table(bench, "table1", title, &["M", "updates", "updates/M"], rows))
+    let mut table = success_table(bench, "table1", title, &["M", "updates", "updates/M"], rows);
+    table.notes.push(planners::NOTE.to_owned());
+    table.notes.push(PAIRED.to_owned());
+    Ok(table)
 }
 
 /// Success of the policy that is meant to be used, trained beyond the paper's setting. Not of the paper.
 pub(super) fn table_strong(bench: &mut Bench) -> Result<PooledTable> {
+    let crowds = CrowdKind::PAPER.each_ref().map(CrowdKind::name);
     let mut rows = Vec::new();
     for name in ROWS_STRONG {
-        let labels = vec![row_spec(name).n_agents.unwrap_or(0).to_string()];
-        let mut row = success_row(bench.row(name)?, name, labels, [0.0; 6], 0.0, "strong");
+        let n_agents = row_spec(name).n_agents.expect("the strong rows name their number of agents");
+        let labels = |robot: String| vec![n_agents.to_string(), robot];
+        let bar = bench.planner(BAR, n_agents)?.clone();
+        let evaluated = bench.row(name)?;
+        let mut row = success_row(evaluated, name, labels(STRONG.to_owned()), [0.0; 6], 0.0, "strong");
         row.paper = vec![None; row.paper.len()];
+        let paired = planners::pooled_note(&evaluated.row, BAR, &bar, &crowds);
+        row.note = [row.note, paired].into_iter().flatten().reduce(|note, more| format!("{note}; {more}"));
         rows.push(row);
+        rows.extend(planners::success_rows(bench, n_agents, |planner| labels(planner.label()), &[])?);
     }
     let title = "Beyond the paper: the strong policy (configs/strong.toml) among N − 1 pedestrians";
-    Ok(success_table(bench, "strong", title, &["N"], rows))
+    let mut table = success_table(bench, "strong", title, &["N", "robot"], rows);
+    table.notes.push(planners::NOTE.to_owned());
+    table.notes.push(POOLED.to_owned());
+    Ok(table)
 }
 
 /// Success against the number of agents.
@@ -59,8 +88,15 @@ pub(super) fn table_2(bench: &mut Bench) -> Result<PooledTable> {
             vec![of_paper.n_agents.to_string(), if of_paper.diversity { "yes" } else { "no" }.to_owned()];
         rows.push(success_row(bench.row(name)?, name, labels, of_paper.rates, of_paper.average, "table2"));
     }
+    for (n_agents, learned) in [(5, ["m1", "m5"]), (10, ["n10-m1", "n10-m5"]), (20, ["n20-m1", "n20-m5"])] {
+        let references = Reference::pair(bench, learned)?;
+        let labels = |planner: Planner| vec![n_agents.to_string(), planner.label()];
+        rows.extend(planners::success_rows(bench, n_agents, labels, &references)?);
+    }
     let title = "Table 2. Success rate against the number of agents N";
     let mut table = success_table(bench, "table2", title, &["N", "diversity"], rows);
+    table.notes.push(planners::NOTE.to_owned());
+    table.notes.push(PAIRED.to_owned());
     table.notes.push(
         "Tested among N − 1 pedestrians; where they are more than the policies that drive them, the policies are cycled."
             .to_owned(),
@@ -95,9 +131,17 @@ pub(super) fn table_3(bench: &mut Bench) -> Result<PooledTable> {
         }
         rows.push(row);
     }
+    let of_planners = planners::success_rows(bench, 5, |planner| own_label(planner, 2), &[])?;
+    rows.extend(of_planners.into_iter().map(|mut row| {
+        // A planner knows no behaviours.
+        row.cells.push(None);
+        row.paper.push(None);
+        row
+    }));
     let title = "Table 3. Success rate and D against the intrinsic reward";
     let mut table = success_table(bench, "table3", title, &["intrinsic reward", "α"], rows);
     table.columns.push("D".to_owned());
+    table.notes.push(format!("{} Paired with M = 1 and M = 5 in Table 1.", planners::NOTE));
     table.notes.push(
         "D: mean KL divergence (nats) between behaviours over a trajectory of 1000 steps of the baseline of the least seed. It \
          grows with 1/σ², so the learned σ of v and ω stands beside it."
@@ -115,12 +159,7 @@ pub(super) fn table_4(bench: &mut Bench) -> Result<PooledTable> {
             let of_paper = paper::TABLE_4.iter().find(|row| row.metric == metric && row.policy == policy);
             let figures = of_paper.expect("the paper's table has every policy for every metric").figures;
             let evaluated = bench.row(name)?;
-            let (label, measure, decimals) = match metric {
-                Metric::SuccessRate => ("success rate", Measure::Success, 3),
-                Metric::ExtraTime => ("extra time (s)", Measure::ExtraTime, 3),
-                Metric::ExtraDistance => ("extra distance (m)", Measure::ExtraDistance, 3),
-                Metric::AverageSpeed => ("average speed (m/s)", Measure::AverageSpeed, 3),
-            };
+            let (label, measure, decimals) = described(metric);
             let sites = CrowdKind::PAPER.each_ref().map(CrowdKind::name);
             if metric == Metric::SuccessRate {
                 checks.push(distance_check(evaluated, policy));
@@ -133,12 +172,16 @@ pub(super) fn table_4(bench: &mut Bench) -> Result<PooledTable> {
                 sources: sources(evaluated),
                 command: Some(command("table4", name)),
                 note: note(evaluated),
+                planner: false,
             });
         }
+        let (label, measure, _) = described(metric);
+        rows.extend(planners::measure_rows(bench, label, measure)?);
     }
     let mut notes = vec![
         READING.to_owned(),
         format!("{} episodes a cell and seed; means ± standard deviations over the successes.", bench.episodes()),
+        format!("{} Paired with M = 1 and M = 5 in Table 1.", planners::NOTE),
         "Safe is a safety-zone baseline (Jin-style), not the original, whose constants are not public.".to_owned(),
         "The paper's extra distances exceed what its extra times allow at 1 m/s in all 18 cells: its orderings are targets, \
          its absolute times and distances are not."
@@ -155,11 +198,22 @@ pub(super) fn table_4(bench: &mut Bench) -> Result<PooledTable> {
     })
 }
 
+/// A metric's label, measure and decimals.
+fn described(metric: Metric) -> (&'static str, Measure, usize) {
+    match metric {
+        Metric::SuccessRate => ("success rate", Measure::Success, 3),
+        Metric::ExtraTime => ("extra time (s)", Measure::ExtraTime, 3),
+        Metric::ExtraDistance => ("extra distance (m)", Measure::ExtraDistance, 3),
+        Metric::AverageSpeed => ("average speed (m/s)", Measure::AverageSpeed, 3),
+    }
+}
+
 /// Success on two realistic maps.
 pub(super) fn table_5(bench: &mut Bench) -> Result<PooledTable> {
-    let mut rows = Vec::new();
+    let (mut rows, mut references) = (Vec::new(), Vec::new());
     for (of_paper, name) in paper::TABLE_5.iter().zip(ROWS_5) {
         let evaluated = bench.row_at(name, deployment::run)?;
+        references.extend(Reference::new(if of_paper.diversity { "M = 5" } else { "M = 1" }, &evaluated.row));
         rows.push(PooledRow {
             labels: vec![if of_paper.diversity { "yes" } else { "no" }.to_owned()],
             cells: cells(evaluated, &deployment::MAPS, Measure::Success),
@@ -168,7 +222,13 @@ pub(super) fn table_5(bench: &mut Bench) -> Result<PooledTable> {
             sources: sources(evaluated),
             command: Some(command("table5", name)),
             note: note(evaluated),
+            planner: false,
         });
+    }
+    for planner in Planner::IN_TABLES {
+        let sim = bench.policies.sim();
+        let sites = deployment::on_maps(&mut bench.cells, &Driver::Planner(planner), &sim)?;
+        rows.push(planners::site_row(planner, &sites.into_iter().collect(), &deployment::MAPS, &references));
     }
     Ok(PooledTable {
         id: "table5".to_owned(),
@@ -176,7 +236,12 @@ pub(super) fn table_5(bench: &mut Bench) -> Result<PooledTable> {
         label_heads: vec!["diversity".to_owned()],
         columns: deployment::MAPS.map(str::to_owned).to_vec(),
         rows,
-        notes: vec![READING.to_owned(), deployment::NOTE.to_owned()],
+        notes: vec![
+            READING.to_owned(),
+            deployment::NOTE.to_owned(),
+            planners::NOTE.to_owned(),
+            PAIRED.to_owned(),
+        ],
     })
 }
 
@@ -211,6 +276,7 @@ fn success_row(
         sources: sources(evaluated),
         command: Some(command(table, name)),
         note: note(evaluated),
+        planner: false,
     }
 }
 

@@ -63,6 +63,11 @@ impl Planner {
     pub const ALL: [Self; 6] =
         [Self::Straight, Self::Brake, Self::GoalSeeker, Self::Dwa, Self::Orca, Self::SocialForce];
 
+    /// Those that have a row in the tables of `reproduce`. `brake` has none: it is `straight` with a slower approach, and shows
+    /// nothing that the other two do not.
+    pub const IN_TABLES: [Self; 5] =
+        [Self::Straight, Self::GoalSeeker, Self::Dwa, Self::Orca, Self::SocialForce];
+
     /// What it is called wherever a policy is named.
     pub fn name(self) -> &'static str {
         match self {

@@ -16,7 +16,8 @@ use crate::error::EvalError;
 use crate::robot::RobotView;
 use crate::room::RoomPlan;
 
-/// Parameters of the robot and of the people as it takes them.
+/// Parameters of the robot and of the people as it takes them. Radius, horizon and share of the avoiding were chosen on the validation
+/// crowds by `examples/tune_positions.rs` (docs/planners.md).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct OrcaRobotConfig {
     /// Radius of the robot's disc (m): its crash range, and a margin.
@@ -34,7 +35,7 @@ pub struct OrcaRobotConfig {
 impl Default for OrcaRobotConfig {
     fn default() -> Self {
         Self {
-            radius: 0.55,
+            radius: 0.8,
             pedestrian_radius: 0.35,
             time_horizon: 3.0,
             time_horizon_obstacles: 1.0,

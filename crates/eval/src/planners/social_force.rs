@@ -17,7 +17,8 @@ use crate::room::RoomPlan;
 /// How far ahead the goal of others is taken to be, in the direction that they walk (m).
 const GOAL_OF_OTHERS: f32 = 10.0;
 
-/// What differs from the pedestrians of crowd SF, which are points: the robot crashes at 0.5 m.
+/// What differs from the pedestrians of crowd SF, which are points: the robot crashes at 0.5 m. Range and potential between the robot
+/// and a pedestrian were chosen on the validation crowds by `examples/tune_positions.rs` (docs/planners.md).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct SocialForceRobotConfig {
     /// Range σ of the potential between the robot and a pedestrian (m).
@@ -30,7 +31,7 @@ pub struct SocialForceRobotConfig {
 
 impl Default for SocialForceRobotConfig {
     fn default() -> Self {
-        Self { sigma: 0.6, v0: 4.0, border_range: 0.2 }
+        Self { sigma: 1.2, v0: 12.0, border_range: 0.2 }
     }
 }
 

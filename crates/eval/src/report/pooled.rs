@@ -105,6 +105,9 @@ impl PooledCell {
     }
 }
 
+/// What a planner's row has for a label that it has none for.
+pub const NO_LABEL: &str = "–";
+
 /// A policy behind a row.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Source {
@@ -131,6 +134,9 @@ pub struct PooledRow {
     pub command: Option<String>,
     /// What has to be said of the row.
     pub note: Option<String>,
+    /// Whether it is a planner's: not learned, not of the paper, without training seeds.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub planner: bool,
 }
 
 /// A table.
@@ -227,8 +233,10 @@ impl PooledTable {
                     None => push(String::new(), None, None, None, String::new(), None),
                     Some(cell) => {
                         let episodes: u64 = cell.seeds.iter().map(|seed| seed.episodes).sum();
-                        push(String::new(), cell.value, cell.interval, cell.std, episodes.to_string(), None);
-                        for seed in &cell.seeds {
+                        let planner = row.sources.first().filter(|_| row.planner);
+                        let episodes = episodes.to_string();
+                        push(String::new(), cell.value, cell.interval, cell.std, episodes, planner);
+                        for seed in cell.seeds.iter().filter(|_| !row.planner) {
                             let source =
                                 row.sources.iter().find(|source| source.policy.seed == Some(seed.seed));
                             let episodes = seed.episodes.to_string();
@@ -315,7 +323,8 @@ impl PooledTable {
             Some((mean, None)) => format!("{mean:.2}"),
             None => "–".to_owned(),
         });
-        let mut lines = vec![line(&row.labels, "ours", each(&value))];
+        let who = if row.planner { "planner" } else { "ours" };
+        let mut lines = vec![line(&row.labels, who, each(&value))];
         if !row.sources.is_empty() {
             lines.push(line(&blank, "95 %", each(&interval)));
         }
@@ -331,7 +340,11 @@ impl PooledTable {
         let mut named: Vec<&str> = Vec::new();
         for row in &self.rows {
             let labels = self.label_heads.iter().zip(&row.labels);
-            let label: Vec<String> = labels.map(|(head, label)| format!("{head} {label}")).collect();
+            let label: Vec<String> = if row.planner {
+                row.labels.iter().filter(|label| *label != NO_LABEL).cloned().collect()
+            } else {
+                labels.map(|(head, label)| format!("{head} {label}")).collect()
+            };
             let label = label.join(", ");
             notes.extend(row.note.iter().map(|note| format!("{label}: {note}")));
             if let Some(command) = row.command.as_ref().filter(|_| row.sources.is_empty()) {
@@ -390,6 +403,7 @@ mod tests {
             sources,
             command: Some("cargo xtask reproduce t --train".to_owned()),
             note: None,
+            planner: false,
         };
         let sources = [1, 2].map(|seed| Source { policy: identity(seed), wall_seconds: Some(5400.0) });
         PooledTable {
@@ -456,6 +470,35 @@ mod tests {
         let latex = table.latex();
         assert!(latex.contains("M\\_1 &  & NH & Avg \\\\") && latex.contains("\\bottomrule"), "{latex}");
         assert_eq!(serde_json::from_str::<PooledTable>(&table.json()).unwrap(), table);
+    }
+
+    #[test]
+    fn a_planners_row_is_marked_and_has_no_seeds() {
+        let mut table = table();
+        let identity = PolicyIdentity::custom("dwa", "1");
+        let cell = PooledCell::of(vec![SeedValue::rate(0, 90, 100)], true);
+        table.rows.push(PooledRow {
+            labels: vec!["dwa".to_owned()],
+            cells: vec![Some(cell.clone()), PooledCell::average(&[Some(&cell)])],
+            paper: vec![None, None],
+            decimals: 3,
+            sources: vec![Source { policy: identity.clone(), wall_seconds: None }],
+            command: None,
+            note: Some("better".to_owned()),
+            planner: true,
+        });
+        let text = table.text();
+        assert!(text.contains("dwa  planner  0.900") && text.contains("dwa: better"), "{text}");
+        assert!(
+            text.contains(&format!("dwa: dwa (sha256 {})", crate::identity::short(&identity.sha256))),
+            "{text}"
+        );
+        let of_planner: Vec<String> =
+            table.csv().lines().filter(|l| l.starts_with("dwa")).map(str::to_owned).collect();
+        assert_eq!(of_planner.len(), 2, "one line a column: {of_planner:?}");
+        assert!(of_planner[0].contains(&identity.sha256), "{of_planner:?}");
+        assert_eq!(serde_json::from_str::<PooledTable>(&table.json()).unwrap(), table);
+        assert_eq!(table.json().matches("\"planner\"").count(), 1, "learned rows are written as before");
     }
 
     #[test]
