@@ -5,6 +5,7 @@
 - :func:`parallel_env`: several robots in one room, for PettingZoo.
 - :func:`evaluate`: any policy in the test's episodes, with intervals.
 - :class:`Policy`: a policy that jostle trained.
+- :func:`planner`: a robot that nobody trained, by its name.
 - :func:`scan_to_row`: from a robot's own numbers to the row that a policy reads.
 
 Mistakes are `ValueError`\\ s of one line: the setting, what was found, what was expected.
@@ -23,6 +24,7 @@ from ._env import RoomEnv
 from ._evaluation import Evaluation, evaluate
 from ._jostle import __version__
 from ._keywords import Setting, StrPath
+from ._planner import PLANNERS, Planner, planner
 from ._policy import Policy
 from ._scan import scan_to_row
 from ._vector import VectorRooms
@@ -32,14 +34,17 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CROWDS",
+    "PLANNERS",
     "VALIDATION_CROWDS",
     "Evaluation",
+    "Planner",
     "Policy",
     "RoomEnv",
     "VectorRooms",
     "__version__",
     "evaluate",
     "parallel_env",
+    "planner",
     "scan_to_row",
     "split",
 ]

@@ -13,9 +13,10 @@ from numpy.typing import ArrayLike
 from . import _jostle
 from ._env import Float32
 from ._keywords import Pool, Setting, StrPath, count, keywords, seed_or_none, warn
+from ._planner import Planner
 from ._policy import Policy
 
-Robot = Union[Callable[[Float32], ArrayLike], Policy]
+Robot = Union[Callable[[Float32], ArrayLike], Policy, Planner]
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,7 @@ def evaluate(
 
     Args:
         fn: a function of observations ``float32[B, 1540]`` that answers with actions ``[B, 2]`` (v in m/s, ω in rad/s; clipped),
-            or a :class:`jostle.Policy`, which is tested without a way through Python. B changes from call to call, and rows
+            or a :class:`jostle.Policy` or :func:`jostle.planner`, which are tested without a way through Python. B changes from call to call, and rows
             belong to different episodes: an action must be a function of its own row alone. The array is written anew for
             every call; copy what is to be kept. A policy with a memory is tested by
             ``RoomEnv.reset(options={"test_episode": k})``.
@@ -80,8 +81,8 @@ def evaluate(
         name: what to call the policy.
 
     The other keywords are those of :class:`jostle.RoomEnv`. For a `Policy`, simulator and number of pedestrians are those of
-    its training: ``settings`` changes keys of them, ``config`` replaces them. A `Policy` whose laser pointed elsewhere in
-    training is refused.
+    its training, for a `Planner` those that it was made for: ``settings`` changes keys of them, ``config`` replaces them. A
+    `Policy` whose laser pointed elsewhere in training is refused.
 
     Raises:
         ValueError: one line with what was found and what was expected.
@@ -102,6 +103,9 @@ def evaluate(
     warn(_jostle.notes(words, fn.core if isinstance(fn, Policy) else None))
     if isinstance(fn, Policy):
         found = _jostle.evaluate_policy(fn.core, words, episodes, seed, batch)
+        name = name or fn.name
+    elif isinstance(fn, Planner):
+        found = _jostle.evaluate_planner(fn.core, words, episodes, seed, batch)
         name = name or fn.name
     else:
 

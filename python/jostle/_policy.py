@@ -12,6 +12,16 @@ from ._env import Float32
 from ._keywords import StrPath, count, path_or_none, refusal
 
 
+def answer(write: Callable[[Float32, Float32], None], observations: ArrayLike, width: int = 2) -> Float32:
+    """The rows ``[B, width]`` that `write` makes of observations, or the row that it makes of a single one."""
+    with np.errstate(over="ignore"):
+        rows = np.ascontiguousarray(observations, np.float32)
+    batch = np.atleast_2d(rows)
+    answers = np.empty((len(batch), width), np.float32)
+    write(batch, answers)
+    return answers if rows.ndim == 2 else answers[0]
+
+
 class Policy:
     """A trained policy with one behaviour token: a function of observations that answers with the mean of its actions.
 
@@ -45,23 +55,14 @@ class Policy:
 
     def __call__(self, observations: ArrayLike) -> Float32:
         """Actions ``float32[B, 2]`` for observations ``[B, 1540]``, or ``[2]`` for ``[1540]``."""
-        return self._answers(self.core.act, observations, 2)
+        return answer(self.core.act, observations)
 
     def encode(self, observations: ArrayLike) -> Float32:
         """What the policy's network reads, ``float32[B, n]``, of observations ``[B, 1540]``, or ``[n]`` of ``[1540]``: the rows
         themselves, pooled beams, or bodies with their velocities, as it was trained. An exported model of the latter takes it
         as its input.
         """
-        return self._answers(self.core.encode, observations, self.core.input_len)
-
-    @staticmethod
-    def _answers(write: Callable[[Float32, Float32], None], observations: ArrayLike, width: int) -> Float32:
-        with np.errstate(over="ignore"):
-            rows = np.ascontiguousarray(observations, np.float32)
-        batch = np.atleast_2d(rows)
-        answers = np.empty((len(batch), width), np.float32)
-        write(batch, answers)
-        return answers if rows.ndim == 2 else answers[0]
+        return answer(self.core.encode, observations, self.core.input_len)
 
     def __repr__(self) -> str:
         return f"Policy({self.name!r}, token={self.token} of {self.n_behaviours})"

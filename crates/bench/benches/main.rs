@@ -6,6 +6,7 @@
 mod crowds;
 mod evaluation;
 mod networks;
+mod planners;
 mod simulator;
 
 use std::time::Duration;
@@ -24,6 +25,6 @@ criterion_group! {
     name = all;
     config = settings();
     targets = simulator::scan, simulator::physics, simulator::env_step, crowds::orca, crowds::social_force,
-        networks::actor_forward, networks::update, networks::discriminator, evaluation::episode
+        networks::actor_forward, networks::update, networks::discriminator, evaluation::episode, planners::decision
 }
 criterion_main!(all);

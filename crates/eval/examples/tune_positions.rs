@@ -25,7 +25,7 @@ type Make = dyn Fn(&RoomPlan) -> Result<Box<dyn Robot>, EvalError>;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let episodes: u64 = std::env::args().nth(1).map_or(Ok(500), |text| text.parse())?;
-    for radius in [0.55, 0.65, 0.8, 1.0] {
+    for radius in [0.5, 0.55, 0.65, 0.8, 1.0] {
         for time_horizon in [1.5, 3.0, 5.0] {
             for responsibility in [0.5, 1.0] {
                 let config =
@@ -37,8 +37,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             }
         }
     }
-    for sigma in [0.6, 0.9, 1.2, 1.5] {
-        for v0 in [4.0, 8.0, 12.0, 16.0, 24.0] {
+    for sigma in [0.3, 0.6, 0.9, 1.2, 1.5] {
+        for v0 in [2.1, 4.0, 8.0, 12.0, 16.0, 24.0] {
             let config = SocialForceRobotConfig { sigma, v0, ..SocialForceRobotConfig::default() };
             let label = format!("social-force sigma {sigma} v0 {v0}");
             try_setting(&label, episodes, &move |plan| {

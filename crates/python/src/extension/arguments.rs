@@ -12,6 +12,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
 use crate::crowd_rooms::EpisodeEnd;
+use crate::finite;
 use crate::picture::Picture;
 use crate::settings::{self, Settings};
 use crate::threads;
@@ -54,11 +55,21 @@ impl Keywords {
     /// The training configuration for a policy: the file that they name, or else the rooms of its training, with their
     /// overrides.
     pub(super) fn base_for(&self, policy: &LoadedPolicy) -> PyResult<jostle_ppo::Config> {
+        let sim = policy.sim_config().map_err(value_error)?;
+        let n_agents = usize::try_from(policy.file.provenance.n_agents).map_err(value_error)?;
+        self.base_from(sim, n_agents)
+    }
+
+    /// The training configuration for a planner: the file that they name, or else the rooms that it was made for, with their
+    /// overrides.
+    pub(super) fn base_of(&self, made_for: &jostle_ppo::Config) -> PyResult<jostle_ppo::Config> {
+        self.base_from(made_for.sim.clone(), made_for.n_agents)
+    }
+
+    fn base_from(&self, sim: SimConfig, n_agents: usize) -> PyResult<jostle_ppo::Config> {
         if self.config.is_some() {
             return self.base();
         }
-        let sim = policy.sim_config().map_err(value_error)?;
-        let n_agents = usize::try_from(policy.file.provenance.n_agents).map_err(value_error)?;
         settings::trained(sim, n_agents, &self.overrides).map_err(|error| of_settings(&error))
     }
 
@@ -104,6 +115,38 @@ pub(super) fn pairs(py: Python<'_>, actions: &PyBuffer<f32>) -> PyResult<Vec<[f3
         return Err(value_error(format!("actions: found shape {found:?}, expected rows of 2")));
     }
     Ok(actions.to_vec(py)?.as_chunks().0.to_vec())
+}
+
+/// Writes the answer of `act` to rows [B, `width`] of Python's into actions [B, 2]; `act` runs without Python's lock.
+pub(super) fn act_on_rows(
+    py: Python<'_>,
+    width: usize,
+    observations: &PyBuffer<f32>,
+    actions: &PyBuffer<f32>,
+    act: impl FnOnce(&[f32], &mut [[f32; 2]]) + Send,
+) -> PyResult<()> {
+    let rows = rows(py, width, observations, actions, 2)?;
+    let mut answers = vec![[0.0; 2]; observations.shape()[0]];
+    check_threads(answers.len() > 1)?;
+    py.detach(|| act(&rows, &mut answers));
+    actions.copy_from_slice(py, answers.as_flattened())
+}
+
+/// Observations, if they are finite rows [B, `width`] and there is a row of `n_answers` for each.
+pub(super) fn rows(
+    py: Python<'_>,
+    width: usize,
+    observations: &PyBuffer<f32>,
+    answers: &PyBuffer<f32>,
+    n_answers: usize,
+) -> PyResult<Vec<f32>> {
+    let found = observations.shape();
+    if found.len() != 2 || found[1] != width || answers.shape() != [found[0], n_answers] {
+        return Err(value_error(format!("observations: found shape {found:?}, expected rows of {width}")));
+    }
+    let rows = observations.to_vec(py)?;
+    finite::check_rows(&rows, width).map_err(value_error)?;
+    Ok(rows)
 }
 
 /// Writes row i of an array [B, len of the row] of Python's, in place: the row of an array is a view of it.

@@ -3,11 +3,13 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use jostle_eval::robot::Rows;
+use jostle_eval::room::RoomPlan;
 use jostle_eval::{EvalError, PolicyIdentity, Protocol, Robot, RobotPolicy, Subject, TrainedRobot};
 use pyo3::buffer::PyBuffer;
 use pyo3::prelude::*;
 
 use super::arguments::{self, Keywords, check_threads, value_error, write_row};
+use super::planner::PyPlanner;
 use super::policy::PyPolicy;
 use crate::settings::Settings;
 
@@ -72,6 +74,25 @@ pub(super) fn evaluate_policy(
         TrainedRobot::new(&policy.loaded, policy.token, settings.config.backend).map_err(value_error)?;
     let subject = Subject { identity: &policy.loaded.identity, token: policy.token };
     run(py, settings, &mut robot, &subject, episodes)
+}
+
+/// Tests a planner, without a way through Python. Simulator and number of agents are those that it was made for unless the
+/// keywords say otherwise.
+#[pyfunction]
+pub(super) fn evaluate_planner(
+    py: Python<'_>,
+    planner: &PyPlanner,
+    keywords: Keywords,
+    episodes: u64,
+    seed: u64,
+    lock_step: usize,
+) -> PyResult<Found> {
+    let mut settings = keywords.settings(&keywords.base_of(&planner.base)?)?;
+    (settings.config.lock_step, settings.config.seed) = (lock_step, seed);
+    let plan = RoomPlan::new(&settings.config, settings.crowd).map_err(value_error)?;
+    let mut robot = planner.planner.robot(&plan).map_err(value_error)?;
+    let identity = planner.planner.identity();
+    run(py, settings, &mut *robot, &Subject { identity: &identity, token: 0 }, episodes)
 }
 
 fn run(

@@ -1,6 +1,6 @@
 //! The classes and functions of the Python module `jostle._jostle`.
 //!
-//! Reading order: [`crowd_rooms`], [`robot_room`], [`evaluate`], [`policy`]; [`arguments`] holds what they share. Every array is
+//! Reading order: [`crowd_rooms`], [`robot_room`], [`evaluate`], [`policy`], [`planner`]; [`arguments`] holds what they share. Every array is
 //! Python's, C-contiguous and of the type that is asked for; the Python side sees to both.
 
 #![allow(
@@ -12,6 +12,7 @@
 mod arguments;
 mod crowd_rooms;
 mod evaluate;
+mod planner;
 mod policy;
 mod robot_room;
 
@@ -25,7 +26,9 @@ mod _jostle {
     #[pymodule_export]
     use super::crowd_rooms::PyCrowdRooms;
     #[pymodule_export]
-    use super::evaluate::{evaluate, evaluate_policy, notes};
+    use super::evaluate::{evaluate, evaluate_planner, evaluate_policy, notes};
+    #[pymodule_export]
+    use super::planner::PyPlanner;
     #[pymodule_export]
     use super::policy::PyPolicy;
     #[pymodule_export]

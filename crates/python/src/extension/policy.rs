@@ -11,8 +11,7 @@ use pyo3::buffer::PyBuffer;
 use pyo3::prelude::*;
 use pyo3::types::PyType;
 
-use super::arguments::{absolute, check_threads, value_error};
-use crate::finite;
+use super::arguments::{absolute, act_on_rows, rows, value_error};
 
 /// A policy from a checkpoint, with one behaviour token.
 #[pyclass(name = "Policy", module = "jostle._jostle", frozen)]
@@ -102,7 +101,8 @@ impl PyPolicy {
 
     /// Writes what the network reads of every row.
     fn encode(&self, py: Python<'_>, observations: PyBuffer<f32>, inputs: PyBuffer<f32>) -> PyResult<()> {
-        let rows = self.rows(py, &observations, &inputs, self.input_len())?;
+        let (width, n_inputs) = (self.observation_len(), self.input_len());
+        let rows = rows(py, width, &observations, &inputs, n_inputs)?;
         let network = &self.loaded.file.network;
         let mut encoded = Vec::with_capacity(inputs.item_count());
         py.detach(|| Encoder::new(network).append(&rows, &mut EncoderScratch::default(), &mut encoded));
@@ -111,35 +111,8 @@ impl PyPolicy {
 
     /// Writes the mean action of every row.
     fn act(&self, py: Python<'_>, observations: PyBuffer<f32>, actions: PyBuffer<f32>) -> PyResult<()> {
-        let rows = self.rows(py, &observations, &actions, 2)?;
-        let n = observations.shape()[0];
-        let mut answers = vec![[0.0; 2]; n];
-        check_threads(n > 1)?;
-        py.detach(|| {
-            let mut robot = self.robot.lock().unwrap_or_else(PoisonError::into_inner);
-            robot.act(&rows, &mut answers);
-        });
-        actions.copy_from_slice(py, answers.as_flattened())
-    }
-}
-
-impl PyPolicy {
-    /// The observations, if they are finite rows of the policy's length and `answers` has a row of `width` for each.
-    fn rows(
-        &self,
-        py: Python<'_>,
-        observations: &PyBuffer<f32>,
-        answers: &PyBuffer<f32>,
-        width: usize,
-    ) -> PyResult<Vec<f32>> {
-        let (found, expected) = (observations.shape(), self.observation_len());
-        if found.len() != 2 || found[1] != expected || answers.shape() != [found[0], width] {
-            return Err(value_error(format!(
-                "observations: found shape {found:?}, expected rows of {expected}"
-            )));
-        }
-        let rows = observations.to_vec(py)?;
-        finite::check_rows(&rows, expected).map_err(value_error)?;
-        Ok(rows)
+        act_on_rows(py, self.observation_len(), &observations, &actions, |rows, answers| {
+            self.robot.lock().unwrap_or_else(PoisonError::into_inner).act(rows, answers);
+        })
     }
 }
