@@ -40,6 +40,10 @@ class Evaluation:
     extra_time: tuple[float | None, float | None]
     extra_distance: tuple[float | None, float | None]
     average_speed: tuple[float | None, float | None]
+    #: How the robot drove, by the names of ``docs/metrics.md``: ``spl``, ``path_efficiency``, ``time_efficiency``, ``min_clearance``,
+    #: ``min_clearance_tail``, ``ttc_below`` (1 s and 2 s), ``intimate``, ``personal``, ``mean_squared_jerk``, ``stalled_time``,
+    #: ``deadlocks``.
+    driving: dict[str, Any]
     #: One dictionary for each episode, in order, as the records that `cargo xtask evaluate` writes.
     records: list[dict[str, Any]] = field(repr=False)
 
@@ -118,7 +122,8 @@ def evaluate(
 
         found = _jostle.evaluate(act, zeros, name, words, episodes, seed, batch)
     result, records, n_agents = found
-    summary = json.loads(result)["summary"]
+    found_result = json.loads(result)
+    summary = found_result["summary"]
     pair = {key: (summary[key]["mean"], summary[key]["std"]) for key in ("extra_time", "extra_distance", "average_speed")}
     counts = {key: summary[key] for key in ("episodes", "success", "collision_wall", "collision_pedestrian", "timeout")}
     interval = summary["wilson_95"]
@@ -129,6 +134,7 @@ def evaluate(
         seed=seed,
         success_rate=summary["success_rate"],
         wilson_95=(interval["low"], interval["high"]),
+        driving=found_result["driving"],
         records=json.loads(records),
         **counts,
         **pair,

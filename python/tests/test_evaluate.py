@@ -40,9 +40,11 @@ def test_a_policy_through_python_is_the_policy_on_the_command_line(
         assert found.wilson_95 == (summary["wilson_95"]["low"], summary["wilson_95"]["high"])
         for key in ("extra_time", "extra_distance", "average_speed"):
             assert getattr(found, key) == (summary[key]["mean"], summary[key]["std"])
+        assert found.driving == cell["driving"]
+        assert 0 < found.driving["min_clearance_tail"] <= found.driving["min_clearance"]
         # The function has another name than the policy's file, and so another cell and provenance.
         what = expected[0].keys() - {"cell", "provenance"}
-        assert {"outcome", "steps", "start", "goal", "path_length"} <= what
+        assert {"outcome", "steps", "start", "goal", "path_length", "driving"} <= what
         assert [[r[key] for key in what] for r in found.records] == [[r[key] for key in what] for r in expected]
 
 

@@ -2,13 +2,15 @@
 //!
 //! ```text
 //! {"format":"jostle-cell-1","key":{…},"policy":{…},"scale":{…},"episodes":1000}
-//! S 245 23.8123456 21.4012345
-//! P 12 0.9123456 14.7723456
+//! S 245 23.8123456 21.4012345 0.6120000 0 12 0 31 210.5000000 4 0
+//! P 12 0.9123456 14.7723456 0.2400000 7 10 8 11 1210.7500000 0 0
 //! ```
 //!
 //! The first line says what the cell is; then one line for each episode in order: outcome (S success, W wall, P pedestrian,
-//! T timeout), steps, way travelled and straight distance from start to goal (m, rounded to 1e-7). Times and extras follow
-//! from them ([`EpisodeMetrics::from_totals`]). A table is computed from this form also when the episodes have just been
+//! T timeout), steps, way travelled and straight distance from start to goal (m, rounded to 1e-7); then the values of [`Driving`] in the
+//! order of its fields: least clearance (m, `-` without pedestrians), steps with a time to collision below 1 s and below 2 s, in intimate and in
+//! personal space, mean squared jerk (m²/s⁶), stalled steps and those at the end. Lines from before there were these eight end before them. Times and extras follow
+//! from the first ([`EpisodeMetrics::from_totals`]). A table is computed from this form also when the episodes have just been
 //! run, so that a stored cell and a fresh one give the same bytes.
 
 use std::fmt::Write as _;
@@ -18,6 +20,7 @@ use jostle_policy::excerpt;
 use serde::{Deserialize, Serialize};
 
 use crate::cell::CellKey;
+use crate::driving::Driving;
 use crate::error::EvalError;
 use crate::identity::PolicyIdentity;
 use crate::metrics::{EpisodeMetrics, MetricScale};
@@ -38,6 +41,18 @@ pub struct CompactEpisode {
     pub outcome: EpisodeOutcome,
     /// Time, way and extras.
     pub metrics: EpisodeMetrics,
+    /// Nearness, smoothness, stalling; `None` where the cell was stored before there were these values.
+    pub driving: Option<Driving>,
+}
+
+/// A line of a file, rounded as it is written.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Line {
+    outcome: EpisodeOutcome,
+    steps: u64,
+    path: f64,
+    straight: f64,
+    driving: Option<Driving>,
 }
 
 /// The first line of a file.
@@ -61,16 +76,23 @@ pub struct CompactHead {
 pub struct CompactCell {
     /// What it is.
     pub head: CompactHead,
-    /// Outcome, steps, way and straight distance of each episode, as written.
-    lines: Vec<(EpisodeOutcome, u64, f64, f64)>,
+    /// The episodes, as written.
+    lines: Vec<Line>,
 }
 
 impl CompactCell {
     /// The small form of records.
     pub fn new(key: CellKey, policy: PolicyIdentity, scale: MetricScale, records: &[EpisodeRecord]) -> Self {
-        let line = |record: &EpisodeRecord| {
-            let EpisodeMetrics { path_length, straight_distance, .. } = record.metrics;
-            (record.outcome, record.steps, rounded(path_length), rounded(straight_distance))
+        let line = |record: &EpisodeRecord| Line {
+            outcome: record.outcome,
+            steps: record.steps,
+            path: rounded(record.metrics.path_length),
+            straight: rounded(record.metrics.straight_distance),
+            driving: record.driving.map(|driving| Driving {
+                min_clearance: driving.min_clearance.map(rounded),
+                mean_squared_jerk: rounded(driving.mean_squared_jerk),
+                ..driving
+            }),
         };
         let format = FORMAT.to_owned();
         let head = CompactHead { format, key, policy, scale, episodes: records.len() as u64 };
@@ -79,9 +101,10 @@ impl CompactCell {
 
     /// The first `count` episodes.
     pub fn episodes(&self, count: usize) -> Vec<CompactEpisode> {
-        let episode = |&(outcome, steps, path, straight): &(EpisodeOutcome, u64, f64, f64)| CompactEpisode {
+        let episode = |&Line { outcome, steps, path, straight, driving }: &Line| CompactEpisode {
             outcome,
             metrics: EpisodeMetrics::from_totals(&self.head.scale, outcome, steps, path, straight),
+            driving,
         };
         self.lines.iter().take(count).map(episode).collect()
     }
@@ -90,9 +113,13 @@ impl CompactCell {
     pub fn text(&self) -> String {
         let mut text = serde_json::to_string(&self.head).expect("strings and numbers are always JSON");
         text.push('\n');
-        for (outcome, steps, path, straight) in &self.lines {
-            writeln!(text, "{} {steps} {path:.DECIMALS$} {straight:.DECIMALS$}", letter(*outcome))
+        for Line { outcome, steps, path, straight, driving } in &self.lines {
+            write!(text, "{} {steps} {path:.DECIMALS$} {straight:.DECIMALS$}", letter(*outcome))
                 .expect("a string takes everything");
+            if let Some(driving) = driving {
+                text += &driving_text(driving);
+            }
+            text.push('\n');
         }
         text
     }
@@ -127,7 +154,7 @@ impl CompactCell {
         let lines: Vec<_> = lines
             .enumerate()
             .map(|(i, line)| {
-                let expected = "expected an outcome (S, W, P, T), steps, way and distance";
+                let expected = "expected an outcome (S, W, P, T), steps, way and distance, and nothing or eight values more";
                 parse_line(line).ok_or_else(|| (i + 2, format!("found {line:?}, {expected}")))
             })
             .collect::<Result<_, _>>()?;
@@ -153,15 +180,49 @@ fn letter(outcome: EpisodeOutcome) -> char {
     }
 }
 
-fn parse_line(line: &str) -> Option<(EpisodeOutcome, u64, f64, f64)> {
+fn driving_text(driving: &Driving) -> String {
+    let clearance = driving.min_clearance.map_or_else(|| "-".to_owned(), |m| format!("{m:.DECIMALS$}"));
+    let [ttc_1, ttc_2] = driving.ttc_steps;
+    let Driving { intimate_steps, personal_steps, stalled_steps, final_stall_steps, .. } = driving;
+    let jerk = driving.mean_squared_jerk;
+    format!(
+        " {clearance} {ttc_1} {ttc_2} {intimate_steps} {personal_steps} {jerk:.DECIMALS$} {stalled_steps} {final_stall_steps}"
+    )
+}
+
+fn parse_line(line: &str) -> Option<Line> {
     let mut fields = line.split(' ');
     let first = fields.next()?;
     let outcome = *EpisodeOutcome::ALL.iter().find(|outcome| first == letter(**outcome).to_string())?;
     let steps = fields.next()?.parse().ok()?;
-    let mut distance =
-        || fields.next()?.parse::<f64>().ok().filter(|value| value.is_finite() && *value >= 0.0);
-    let (path, straight) = (distance()?, distance()?);
-    fields.next().is_none().then_some((outcome, steps, path, straight))
+    let (path, straight) = (amount(fields.next()?)?, amount(fields.next()?)?);
+    let driving = match fields.next() {
+        None => None,
+        Some(clearance) => Some(parse_driving(clearance, &mut fields)?),
+    };
+    fields.next().is_none().then_some(Line { outcome, steps, path, straight, driving })
+}
+
+/// A number of at least 0.
+fn amount(field: &str) -> Option<f64> {
+    field.parse::<f64>().ok().filter(|value| value.is_finite() && *value >= 0.0)
+}
+
+fn parse_driving<'a>(clearance: &str, fields: &mut impl Iterator<Item = &'a str>) -> Option<Driving> {
+    let min_clearance = if clearance == "-" { None } else { Some(amount(clearance)?) };
+    let mut count = || fields.next()?.parse::<u64>().ok();
+    let (ttc_steps, intimate_steps, personal_steps) = ([count()?, count()?], count()?, count()?);
+    let mean_squared_jerk = amount(fields.next()?)?;
+    let (stalled_steps, final_stall_steps) = (fields.next()?.parse().ok()?, fields.next()?.parse().ok()?);
+    Some(Driving {
+        min_clearance,
+        ttc_steps,
+        intimate_steps,
+        personal_steps,
+        mean_squared_jerk,
+        stalled_steps,
+        final_stall_steps,
+    })
 }
 
 #[cfg(test)]
@@ -170,6 +231,17 @@ mod tests {
     use crate::identity::short;
     use crate::records::tests::key;
 
+    const DRIVING: Driving = Driving {
+        min_clearance: Some(2.0 / 3.0),
+        ttc_steps: [1, 2],
+        intimate_steps: 3,
+        personal_steps: 4,
+        mean_squared_jerk: 100.0 / 7.0,
+        stalled_steps: 5,
+        final_stall_steps: 0,
+    };
+
+    /// Four episodes, the last two from before there were values of driving.
     fn cell() -> CompactCell {
         let key = key("p");
         let scale = MetricScale { dt: 0.1, goal_radius: 0.5, v_max: 1.0 };
@@ -185,6 +257,11 @@ mod tests {
                 start: [0.0, 0.0],
                 goal: [10.0, 0.0],
                 metrics: EpisodeMetrics::from_totals(&scale, outcome, 123, 11.3 / 0.9, 10.0 / 3.0),
+                driving: match episode {
+                    0 => Some(DRIVING),
+                    1 => Some(Driving { min_clearance: None, ..DRIVING }),
+                    _ => None,
+                },
                 cell: short(&key.hash()).to_owned(),
                 provenance: identity.reference(),
             }
@@ -197,12 +274,17 @@ mod tests {
     fn a_cell_comes_back_and_rounds_once() {
         let cell = cell();
         let text = cell.text();
-        assert!(text.contains("\nS 123 12.5555556 3.3333333\nW 123"), "{text}");
+        let lines: Vec<&str> = text.lines().skip(1).collect();
+        assert_eq!(lines[0], "S 123 12.5555556 3.3333333 0.6666667 1 2 3 4 14.2857143 5 0");
+        assert_eq!(lines[1], "W 123 12.5555556 3.3333333 - 1 2 3 4 14.2857143 5 0");
+        assert_eq!(lines[2], "P 123 12.5555556 3.3333333");
         let read = CompactCell::parse(&text).unwrap();
         assert_eq!(read, cell);
         assert_eq!((read.text(), read.episodes(9).len(), read.episodes(2).len()), (text, 4, 2));
         // 12.3 s − (3.3333333 − 0.5) m at 1 m/s.
-        let success = read.episodes(1)[0].metrics;
+        let episodes = read.episodes(4);
+        assert_eq!((episodes[1].driving.unwrap().min_clearance, episodes[2].driving), (None, None));
+        let success = episodes[0].metrics;
         assert!((success.extra_time.unwrap() - 9.466_666_7).abs() < 1e-12);
     }
 
@@ -217,7 +299,9 @@ mod tests {
         check(text.replace(FORMAT, "jostle-cell-9"), 1, "found format jostle-cell-9");
         check(text.replace("W 123", "X 123"), 3, "found \"X 123");
         check(text.replace("W 123", "W -1"), 3, "expected an outcome");
-        check(text.replace("3.3333333\nW", "3.3333333 1\nW"), 2, "expected an outcome");
+        check(text.replace("3.3333333\nT", "3.3333333 1\nT"), 4, "nothing or eight values more");
+        check(text.replace(" 5 0\nW", " 5 0 0\nW"), 2, "nothing or eight values more");
+        check(text.replace(" - 1 2", " -1 1 2"), 3, "nothing or eight values more");
         check(text.replace("12.5555556", "NaN"), 2, "expected an outcome");
         check(text[..text.len() - 1].to_owned(), 5, "whole episodes");
         let (start, _) = text.rsplit_once("T ").unwrap();

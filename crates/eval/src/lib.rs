@@ -1,7 +1,7 @@
 //! The six unseen crowds, paired episodes, metrics, intervals and reports (paper, section "Experiments").
 //!
 //! Reading order: [`protocol`] (a policy in a crowd), [`config`], [`crowds`], [`robot`], [`planners`] and [`driver`] (who is tested), [`lock_step`] and
-//! [`room`] (how episodes run), [`scene`] and [`suite`] (harder places); [`outcome`], [`metrics`], [`statistics`] (what is measured), [`diversity`] (the metric D);
+//! [`room`] (how episodes run), [`scene`] and [`suite`] (harder places); [`outcome`], [`metrics`], [`driving`], [`statistics`] (what is measured), [`diversity`] (the metric D);
 //! [`cell`], [`records`] and [`compact`] (what is kept), [`claims`] (what the paper says, tested), [`replay`] (episodes step by step), [`paper`] (its tables as data), [`report`] (what is printed).
 //!
 //! Architecture invariants: nothing here trains or knows the trainer; no result depends on the clock, the number of
@@ -16,6 +16,7 @@ pub mod config;
 pub mod crowds;
 pub mod diversity;
 pub mod driver;
+pub mod driving;
 pub mod error;
 pub mod identity;
 pub mod loaded;

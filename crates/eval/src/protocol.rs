@@ -184,7 +184,7 @@ impl Protocol {
         })?;
         writer.map_or(Ok(()), RecordWriter::finish)?;
         let pool = self.pools.note(kind, self.config.n_pedestrians());
-        let result = CellResult::new(kind, hash, metric_scale(&self.config).v_max, &records, pool);
+        let result = CellResult::new(kind, hash, &metric_scale(&self.config), &records, pool);
         Ok(CellRun { result, records, reused, repaired })
     }
 }
@@ -208,6 +208,7 @@ fn record(finished: &FinishedEpisode, subject: Subject<'_>, crowd: CrowdKind, ha
         start: finished.start,
         goal: finished.goal,
         metrics: finished.metrics,
+        driving: Some(finished.driving),
         cell: short(hash).to_owned(),
         provenance: subject.identity.reference(),
     }

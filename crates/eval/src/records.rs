@@ -12,6 +12,7 @@ use jostle_policy::excerpt;
 use serde::{Deserialize, Serialize};
 
 use crate::cell::CellKey;
+use crate::driving::Driving;
 use crate::error::EvalError;
 use crate::identity::{ProvenanceRef, short};
 use crate::metrics::EpisodeMetrics;
@@ -40,6 +41,9 @@ pub struct EpisodeRecord {
     /// Time, way, and what they exceed the straight way by.
     #[serde(flatten)]
     pub metrics: EpisodeMetrics,
+    /// Nearness, smoothness, stalling; `None` in records from before there were these values.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub driving: Option<Driving>,
     /// First 16 digits of the cell's hash.
     pub cell: String,
     /// The policy's provenance.
@@ -223,6 +227,7 @@ impl RecordWriter {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use crate::driving::DrivingMeter;
     use crate::identity::PolicyIdentity;
     use crate::metrics::MetricScale;
 
@@ -251,6 +256,7 @@ pub(crate) mod tests {
             start: [0.1, -9.87],
             goal: [1.0 / 3.0, 5.0],
             metrics: EpisodeMetrics::from_totals(&scale, outcome, 123, 11.3 / 0.9, 10.0),
+            driving: (episode != 1).then(|| DrivingMeter::new(0.1).driving()),
             cell: short(&key.hash()).to_owned(),
             provenance: PolicyIdentity::custom("test", "1").reference(),
         }

@@ -18,6 +18,7 @@ use jostle_sim::{
 };
 
 use crate::config::{EvalConfig, PedestrianCrash};
+use crate::driving::{Driving, DrivingMeter, Neighbour};
 use crate::error::EvalError;
 use crate::metrics::{EpisodeMetrics, MetricScale, distance};
 use crate::outcome::EpisodeOutcome;
@@ -145,6 +146,8 @@ pub struct FinishedEpisode {
     pub goal: [f32; 2],
     /// Time, way and extras.
     pub metrics: EpisodeMetrics,
+    /// Nearness, smoothness, stalling.
+    pub driving: Driving,
 }
 
 /// A room in one episode.
@@ -178,6 +181,7 @@ pub struct EvalRoom {
     respawned: Vec<bool>,
     steps: u32,
     path_length: f64,
+    meter: DrivingMeter,
 }
 
 impl EvalRoom {
@@ -246,6 +250,7 @@ impl EvalRoom {
             respawned: vec![false; config.n_agents],
             steps: 0,
             path_length: 0.0,
+            meter: DrivingMeter::new(plan.scale.dt),
             world,
         };
         for body in 1..config.n_agents {
@@ -413,6 +418,7 @@ impl EvalRoom {
                 self.motions[i + 1] = Motion::Still;
             }
         }
+        let heading = self.world.pose(ROBOT).direction();
         let directions: Vec<Vec2> =
             (1..self.motions.len()).map(|body| self.world.pose(body).direction()).collect();
         self.world.advance_to_stops(&self.motions, dt, &mut self.stops);
@@ -431,7 +437,24 @@ impl EvalRoom {
                 _ => Vec2::ZERO,
             };
         }
+        self.measure(plan, heading);
         Ok(())
+    }
+
+    /// Measures the step that was just made, along the heading that the robot had before it turned.
+    fn measure(&mut self, plan: &RoomPlan, heading: Vec2) {
+        let crash_range = plan.config.sim.episode.crash_range;
+        let (world, robot) = (&self.world, self.world.pose(ROBOT));
+        let velocity = heading.as_dvec2() * f64::from(self.velocity[0]);
+        // From here on it drives where it heads now.
+        let onwards = robot.direction().as_dvec2() * f64::from(self.velocity[0]);
+        let neighbours = self.pedestrians.iter().enumerate().map(|(i, pedestrian)| Neighbour {
+            clearance: f64::from(world.body_distance(ROBOT, i + 1)),
+            position: pedestrian.position.as_dvec2() - robot.position.as_dvec2(),
+            velocity: pedestrian.velocity.as_dvec2() - onwards,
+            reach: f64::from(crash_range) + f64::from(world.shape(i + 1).least_half_width()),
+        });
+        self.meter.step(velocity, neighbours);
     }
 
     /// Noise-free scans of the robot and of those pedestrians whose scan is needed.
@@ -475,6 +498,7 @@ impl EvalRoom {
             start,
             goal,
             metrics: EpisodeMetrics::from_totals(&plan.scale, outcome, steps, self.path_length, straight),
+            driving: self.meter.driving(),
         }
     }
 

@@ -20,7 +20,7 @@ fn episodes(successes: u64, steps: u64) -> Vec<CompactEpisode> {
             let success = k * 77 % EPISODES < successes;
             let outcome = if success { EpisodeOutcome::Success } else { EpisodeOutcome::CollisionPedestrian };
             let metrics = EpisodeMetrics::from_totals(&SCALE, outcome, steps + k % 3, 9.6, 10.0);
-            CompactEpisode { outcome, metrics }
+            CompactEpisode { outcome, metrics, driving: None }
         })
         .collect()
 }

@@ -130,7 +130,7 @@ impl Shape {
     }
 
     /// Half of the shape's least width, m: the sub-step below which a body cannot jump over anything.
-    pub(crate) fn least_half_width(&self) -> f32 {
+    pub fn least_half_width(&self) -> f32 {
         let vertices = self.vertices();
         let width_across = |i: usize| {
             let a = vertices[i];

@@ -264,6 +264,11 @@ impl World {
         self.obstacles.iter().map(to_obstacle).fold(to_walls, f32::min)
     }
 
+    /// Distance between the outlines of two bodies, m: 0 where they touch or overlap.
+    pub fn body_distance(&self, one: usize, other: usize) -> f32 {
+        self.bodies[one].distance(&self.bodies[other], f32::INFINITY)
+    }
+
     /// Distance from a body's outline to the nearest other body, obstacle or wall, m: 0 where it touches or overlaps one,
     /// infinite where there is none.
     pub fn body_clearance(&self, body: usize) -> f32 {

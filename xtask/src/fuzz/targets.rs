@@ -5,6 +5,7 @@ use std::path::Path;
 
 use anyhow::{Context as _, Result};
 use jostle_eval::config::EvalConfig;
+use jostle_eval::driving::DrivingMeter;
 use jostle_eval::identity::PolicyIdentity;
 use jostle_eval::loaded::LoadedPolicy;
 use jostle_eval::metrics::{EpisodeMetrics, MetricScale};
@@ -231,6 +232,7 @@ fn records(scratch: &Path) -> Result<Case> {
             start: [0.1, -9.87],
             goal: [0.3, 5.0],
             metrics: EpisodeMetrics::from_totals(&scale, outcome, 123, 12.5, 10.0),
+            driving: (k > 0).then(|| DrivingMeter::new(scale.dt).driving()),
             cell: "0123456789abcdef".to_owned(),
             provenance: PolicyIdentity::custom("fuzz", "1").reference(),
         };

@@ -1,6 +1,11 @@
-//! Beyond the paper: every behaviour token in every crowd, and how episodes end.
+//! Beyond the paper: every behaviour token in every crowd, how episodes end, and how robots drive.
 
 use anyhow::Result;
+use jostle_eval::Planner;
+use jostle_eval::claims::SeedRun;
+use jostle_eval::compact::CompactEpisode;
+use jostle_eval::config::EvalConfig;
+use jostle_eval::driving::{Driven, DrivingSummary};
 use jostle_eval::outcome::EpisodeOutcome;
 use jostle_eval::report::{PooledCell, PooledRow, PooledTable, SeedValue, Source};
 use jostle_peds::CrowdKind;
@@ -8,6 +13,8 @@ use jostle_peds::CrowdKind;
 use super::bench::Bench;
 use super::plan::ROWS;
 
+/// Rows of the table of how robots drive.
+const DRIVERS: [&str; 3] = ["m1", "m5", "strong"];
 /// The row whose tokens are told apart.
 const ROW: &str = "m5";
 
@@ -81,6 +88,69 @@ pub(super) fn outcomes(bench: &mut Bench) -> Result<PooledTable> {
         columns: CrowdKind::PAPER.map(|crowd| crowd.name().to_owned()).to_vec(),
         rows,
         notes: vec![format!("Shares of {} episodes a cell and seed.", bench.episodes())],
+    })
+}
+
+/// How the robot drives, over the six crowds together, for every row that has policies and every planner.
+pub(super) fn driving(bench: &mut Bench) -> Result<PooledTable> {
+    let scale =
+        jostle_eval::room::metric_scale(&EvalConfig { sim: bench.policies.sim(), ..EvalConfig::default() });
+    let measured = |episodes: &mut dyn Iterator<Item = &Vec<CompactEpisode>>| {
+        let driven = episodes.flatten().map(|episode| Driven {
+            outcome: episode.outcome,
+            metrics: &episode.metrics,
+            driving: episode.driving.as_ref(),
+        });
+        DrivingSummary::new(&scale, driven)
+    };
+    let cells = |seeds: Vec<(u64, DrivingSummary)>| -> Vec<Option<PooledCell>> {
+        let value = |(seed, summary): &(u64, DrivingSummary), i: usize| {
+            let (.., value) = summary.columns()[i];
+            SeedValue { seed: *seed, value, std: None, interval: None, episodes: 0 }
+        };
+        let columns = 0..DrivingSummary::EMPTY.columns().len();
+        columns
+            .map(|i| Some(PooledCell::of(seeds.iter().map(|seed| value(seed, i)).collect(), false)))
+            .collect()
+    };
+    let mut rows = Vec::new();
+    for name in DRIVERS {
+        let evaluated = bench.row(name)?;
+        let sources: Vec<Source> = evaluated.found.iter().map(super::policies::Found::source).collect();
+        if sources.is_empty() {
+            continue;
+        }
+        let of_crowds = |run: &SeedRun| {
+            let mut sites = CrowdKind::PAPER.iter().filter_map(|crowd| run.sites.get(crowd.name()));
+            (run.seed, measured(&mut sites))
+        };
+        let seeds = evaluated.row.seeds.iter().map(of_crowds).collect();
+        rows.push(row(vec![name.to_owned()], cells(seeds), &sources));
+    }
+    for planner in Planner::IN_TABLES {
+        let sites = bench.planner(planner, 5)?;
+        let summary = measured(&mut sites.values());
+        let source = Source { policy: planner.identity(), wall_seconds: None };
+        let of_planner = row(vec![planner.label()], cells(vec![(0, summary)]), &[source]);
+        rows.push(PooledRow { planner: true, ..of_planner });
+    }
+    Ok(PooledTable {
+        id: "driving".to_owned(),
+        title: "Beyond the paper: how it drives".to_owned(),
+        label_heads: vec!["row".to_owned()],
+        columns: DrivingSummary::EMPTY.columns().map(|(_, head, _)| head.to_owned()).to_vec(),
+        rows,
+        notes: vec![
+            format!(
+                "All six crowds together, {} episodes a crowd and seed, N = 5; mean over training seeds with Student's interval. \
+                 docs/metrics.md has the formulas and their sources.",
+                bench.episodes()
+            ),
+            "A dash: an episode of the row was stored before there was such a value; `cargo xtask reproduce beyond --fresh` drives \
+             them again and keeps it."
+                .to_owned(),
+            super::planners::NOTE.to_owned(),
+        ],
     })
 }
 

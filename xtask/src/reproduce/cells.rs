@@ -84,7 +84,12 @@ impl Cells {
     fn compare(&mut self, path: &Path, stored: &CompactCell, cell: &CompactCell) -> Result<()> {
         let shared = stored.head.episodes.min(cell.head.episodes) as usize;
         let (old, new) = (stored.episodes(shared), cell.episodes(shared));
-        if let Some(episode) = (0..shared).find(|&k| old[k] != new[k]) {
+        let moved = |k: &usize| {
+            let (old, new) = (&old[*k], &new[*k]);
+            (old.outcome, &old.metrics) != (new.outcome, &new.metrics)
+                || old.driving.is_some_and(|driving| new.driving != Some(driving))
+        };
+        if let Some(episode) = (0..shared).find(moved) {
             bail!(
                 "{}: episode {episode} now comes out otherwise: stored {:?}, now {:?}",
                 path.display(),
@@ -93,7 +98,9 @@ impl Cells {
             );
         }
         self.same += 1;
-        if cell.head.episodes > stored.head.episodes {
+        // What was stored before there were values of driving gets them.
+        let gains = old.iter().any(|episode| episode.driving.is_none());
+        if cell.head.episodes > stored.head.episodes || (gains && shared as u64 == stored.head.episodes) {
             write_atomically(path, &cell.text())?;
         }
         Ok(())

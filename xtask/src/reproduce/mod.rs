@@ -117,7 +117,7 @@ enum Target {
     Table5,
     /// Success of the strong policy, which is not of the paper.
     Strong,
-    /// Every behaviour token in every crowd, and how episodes end.
+    /// Every behaviour token in every crowd, how episodes end, and how robots drive.
     Beyond,
     /// Verdicts on what the paper's text says of its tables.
     Claims,
@@ -188,7 +188,7 @@ fn study(args: &ReproduceArgs, target: Target, results: &Path, n_threads: usize)
     let policies = Policies::new(plan.clone(), &checkpoints, &args.runs, trained)?;
     let mut bench = Bench::new(policies, results, args.fresh, args.episodes)?;
     let is = |one: Target| target == one || target == Target::All;
-    let tables: [(Target, Table); 8] = [
+    let tables: [(Target, Table); 9] = [
         (Target::Table1, tables::table_1),
         (Target::Table2, tables::table_2),
         (Target::Table3, tables::table_3),
@@ -197,6 +197,7 @@ fn study(args: &ReproduceArgs, target: Target, results: &Path, n_threads: usize)
         (Target::Strong, tables::table_strong),
         (Target::Beyond, beyond::tokens),
         (Target::Beyond, beyond::outcomes),
+        (Target::Beyond, beyond::driving),
     ];
     for (_, table) in tables.into_iter().filter(|(of, _)| is(*of)) {
         let table = table(&mut bench)?;

@@ -197,7 +197,11 @@ mod tests {
         let scale = MetricScale { dt: 0.1, goal_radius: 0.5, v_max: 1.0 };
         let episode = |success: &bool| {
             let outcome = if *success { EpisodeOutcome::Success } else { EpisodeOutcome::Timeout };
-            CompactEpisode { outcome, metrics: EpisodeMetrics::from_totals(&scale, outcome, 150, 14.0, 12.0) }
+            CompactEpisode {
+                outcome,
+                metrics: EpisodeMetrics::from_totals(&scale, outcome, 150, 14.0, 12.0),
+                driving: None,
+            }
         };
         successes.iter().map(episode).collect()
     }

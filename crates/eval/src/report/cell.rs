@@ -3,8 +3,9 @@
 use jostle_peds::CrowdKind;
 use serde::{Deserialize, Serialize};
 
+use crate::driving::{Driven, DrivingSummary};
 use crate::identity::PolicyIdentity;
-use crate::metrics::Summary;
+use crate::metrics::{MetricScale, Summary};
 use crate::outcome::EpisodeOutcome;
 use crate::records::EpisodeRecord;
 use crate::statistics::{Interval, Mcnemar, PairedCounts, paired_difference};
@@ -56,6 +57,9 @@ pub struct CellResult {
     pub cell: String,
     /// Counts, interval, metrics.
     pub summary: Summary,
+    /// How the robot drove; `None` in reports from before there were these values.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub driving: Option<DrivingSummary>,
     /// The pedestrians' policies; `None` for crowds without.
     pub pool: Option<PoolNote>,
     /// Against the table's baseline, where there is one.
@@ -67,11 +71,24 @@ impl CellResult {
     pub fn new(
         crowd: CrowdKind,
         cell: String,
-        v_max: f64,
+        scale: &MetricScale,
         records: &[EpisodeRecord],
         pool: Option<PoolNote>,
     ) -> Self {
         let episodes = records.iter().map(|record| (record.outcome, &record.metrics));
-        Self { crowd, cell, summary: Summary::of(v_max, episodes), pool, versus_baseline: None }
+        let driven = records.iter().map(|record| Driven {
+            outcome: record.outcome,
+            metrics: &record.metrics,
+            driving: record.driving.as_ref(),
+        });
+        let driving = Some(DrivingSummary::new(scale, driven));
+        Self {
+            crowd,
+            cell,
+            summary: Summary::of(scale.v_max, episodes),
+            driving,
+            pool,
+            versus_baseline: None,
+        }
     }
 }

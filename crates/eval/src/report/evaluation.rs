@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::cell::CellResult;
 use super::grid::{Grid, csv_line, number};
 use super::table::{cell_notes, provenance, seen_in_training};
+use crate::driving::DrivingSummary;
 use crate::identity::PolicyIdentity;
 use crate::metrics::MeanStd;
 use crate::statistics::{Interval, wilson};
@@ -31,6 +32,9 @@ impl Evaluation {
     /// For a terminal.
     pub fn text(&self) -> String {
         let mut text = format!("{}\n\n{}\n", self.head(), self.grid().text());
+        if let Some(grid) = self.driving_grid() {
+            let _ = writeln!(text, "{}", grid.text());
+        }
         for note in self.notes() {
             let _ = writeln!(text, "{note}");
         }
@@ -40,6 +44,9 @@ impl Evaluation {
     /// As Markdown.
     pub fn markdown(&self) -> String {
         let mut text = format!("{}\n\n{}\n", self.head(), self.grid().markdown());
+        if let Some(grid) = self.driving_grid() {
+            let _ = writeln!(text, "{}", grid.markdown());
+        }
         for note in self.notes() {
             let _ = writeln!(text, "- {note}");
         }
@@ -53,7 +60,8 @@ impl Evaluation {
 
     /// As CSV, a line per crowd.
     pub fn csv(&self) -> String {
-        let mut text = csv_line([
+        let driving_heads = DrivingSummary::EMPTY.columns().map(|(name, ..)| name);
+        let heads = [
             "crowd",
             "token",
             "n_agents",
@@ -73,7 +81,8 @@ impl Evaluation {
             "average_speed_std",
             "policy",
             "cell",
-        ]);
+        ];
+        let mut text = csv_line(heads.into_iter().chain(driving_heads));
         let float = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
         for cell in &self.cells {
             let s = &cell.summary;
@@ -86,6 +95,8 @@ impl Evaluation {
                 fields.extend([value.mean, value.std].map(float));
             }
             fields.extend([self.policy.sha256.clone(), cell.cell.clone()]);
+            let driving = cell.driving.unwrap_or(DrivingSummary::EMPTY);
+            fields.extend(driving.columns().map(|(.., value)| float(value)));
             text += &csv_line(fields);
         }
         text
@@ -129,6 +140,19 @@ impl Evaluation {
         grid
     }
 
+    /// How the robot drove, a row per crowd; `None` where no cell says.
+    fn driving_grid(&self) -> Option<Grid> {
+        self.cells.iter().find(|cell| cell.driving.is_some())?;
+        let heads = DrivingSummary::EMPTY.columns().map(|(_, head, _)| head);
+        let mut grid = Grid::new(std::iter::once("crowd").chain(heads));
+        for cell in &self.cells {
+            let driving = cell.driving.unwrap_or(DrivingSummary::EMPTY);
+            let values = driving.columns().map(|(.., value)| number(value, 3));
+            grid.push(false, std::iter::once(cell.crowd.to_string()).chain(values).collect());
+        }
+        Some(grid)
+    }
+
     fn notes(&self) -> Vec<String> {
         let mut notes: Vec<String> = self.remark.iter().cloned().collect();
         notes.push(
@@ -136,6 +160,13 @@ impl Evaluation {
              standard deviations over the successes."
                 .to_owned(),
         );
+        if self.cells.iter().any(|cell| cell.driving.is_some()) {
+            notes.push(
+                "TTC: share of the steps with a time to collision below; within: share of the steps so near to a pedestrian; jerk, \
+                 stalled: means over all episodes; deadlocks: share of the episodes. docs/metrics.md has the formulas."
+                    .to_owned(),
+            );
+        }
         for cell in &self.cells {
             let label = cell.crowd.to_string();
             if cell.crowd.is_for_validation() {

@@ -241,7 +241,7 @@ mod tests {
             .map(|outcome| (outcome, EpisodeMetrics::from_totals(&scale, outcome, 120, 11.0, 10.0)))
             .collect();
         let summary = Summary::of(1.0, episodes.iter().map(|(outcome, metrics)| (*outcome, metrics)));
-        CellResult { crowd, cell: "c".into(), summary, pool: None, versus_baseline: None }
+        CellResult { crowd, cell: "c".into(), summary, driving: None, pool: None, versus_baseline: None }
     }
 
     fn report() -> SuiteReport {

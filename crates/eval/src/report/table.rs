@@ -390,7 +390,8 @@ mod tests {
         let cell = |crowd, seeds: &[u64]| {
             let policies = seeds.iter().map(|seed| trained("pedestrian", *seed)).collect();
             let pool = (!seeds.is_empty()).then_some(PoolNote { policies, n_pedestrians: 2 });
-            CellResult::new(crowd, "cell".to_owned(), 1.0, &[], pool)
+            let scale = crate::metrics::MetricScale { dt: 0.1, goal_radius: 0.5, v_max: 1.0 };
+            CellResult::new(crowd, "cell".to_owned(), &scale, &[], pool)
         };
         let seen = |crowd, seeds: &[u64]| seen_in_training(&policy, &cell(crowd, seeds));
         let runs = Some("1 of the 2 runs that drive the pedestrians were opponents".to_owned());

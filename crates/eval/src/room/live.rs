@@ -8,6 +8,7 @@ use jostle_peds::Pedestrian;
 use jostle_sim::{Hit, Motion, Observer, Pose, ScanSummary, Shape, Spawner, Streams};
 
 use super::{EvalRoom, ROBOT, RoomPlan, spawn_settings};
+use crate::driving::DrivingMeter;
 use crate::error::EvalError;
 
 /// What is put into a running room keeps this distance from the robot's crash range (m).
@@ -30,6 +31,7 @@ impl EvalRoom {
         self.goal = goal;
         self.start = self.world.pose(ROBOT);
         (self.steps, self.path_length) = (0, 0.0);
+        self.meter = DrivingMeter::new(plan.scale.dt);
         self.write_motion(plan, ROBOT);
         Ok(())
     }
