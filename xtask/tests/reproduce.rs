@@ -172,11 +172,11 @@ fn tables_are_the_same_from_stored_and_from_fresh_cells() {
     let first = accepted(&strs(&words));
     for part in [
         "Table 1. Success rate",
-        "paper  0.87",
+        "paper    0.87",
         "M 1, updates 5000, updates/M 5000: trained for 4 updates, not for the paper's 5000",
         "M 1, updates 5000, updates/M 5000: m1-seed2-000004 (sha256",
         "M 10, updates 5000, updates/M 500: not trained yet; `cargo xtask reproduce table1 --train --rows m10` trains it",
-        "dwa                     –        –          planner  ",
+        "dwa                             –        –          planner",
         "orca (knows positions)",
         "straight: against M = 1: NH ",
         "Not trained yet",
