@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use glam::Vec2;
 use jostle_eval::LoadedPolicy;
 use jostle_eval::metrics::EpisodeMetrics;
-use jostle_sim::Pose;
+use jostle_sim::{Pose, SimConfig};
 use pyo3::buffer::PyBuffer;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
