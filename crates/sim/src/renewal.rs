@@ -1,7 +1,7 @@
 //! What changes in a training room every now and then: how many agents there are, and which
 //! obstacles stand between them.
 //!
-//! Every `renew_steps` steps a room draws both from its own stream "training_crowd.room"; the first
+//! Every `renew_steps` steps a room draws both from its own stream `training_crowd.room`; the first
 //! time comes earlier by a random part, so that rooms do not change together. Obstacles go and come
 //! at once, none near a body or a goal, and all goals stay within reach; one that finds no such
 //! place is left out. Agents beyond the number leave as their episodes end, and return with a new

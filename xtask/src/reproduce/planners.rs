@@ -136,7 +136,7 @@ fn successes(episodes: &[CompactEpisode]) -> Vec<bool> {
 fn note(sites: &Sites, names: &[&str], references: &[Reference]) -> Option<String> {
     let of_reference = |reference: &Reference| {
         let compared: Option<Vec<String>> =
-            names.iter().map(|name| Some(compared(name, sites.get(*name)?, reference)?)).collect();
+            names.iter().map(|name| compared(name, sites.get(*name)?, reference)).collect();
         Some(format!("against {}: {}", reference.name, compared?.join(", ")))
     };
     let notes: Vec<String> = references.iter().filter_map(of_reference).collect();
