@@ -36,7 +36,6 @@ impl PyCrowdRooms {
     }
 
     /// For `pickle`: keywords and what the rooms have done since their episodes began.
-    #[expect(clippy::type_complexity, reason = "what pickle asks for")]
     fn __reduce__<'py>(
         slf: &Bound<'py, Self>,
     ) -> (Bound<'py, PyType>, (Keywords, usize), Bound<'py, PyBytes>) {

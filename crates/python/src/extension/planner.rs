@@ -45,6 +45,7 @@ impl PyPlanner {
     }
 
     /// For `pickle`: its name and the configuration, which needs no file any more.
+    #[expect(clippy::type_complexity, reason = "what pickle asks for")]
     fn __reduce__<'py>(
         slf: &Bound<'py, Self>,
     ) -> PyResult<(Bound<'py, PyAny>, (&'static str, Bound<'py, PyBytes>))> {
