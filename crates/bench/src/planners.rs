@@ -25,7 +25,7 @@ pub struct Decisions {
 }
 
 impl Decisions {
-    /// The rooms, [`STEPS`] steps after their start.
+    /// The rooms, 30 steps after their start.
     ///
     /// # Errors
     ///

@@ -2,12 +2,12 @@
 //!
 //! | | name | type | what |
 //! |---|---|---|---|
-//! | in | `observation` | float32 [B, row] | observation rows as everywhere: scans oldest first, goal, velocity (docs/concepts.md) |
-//! | in | `token` | int64 [B] | behaviour tokens; not there where one was baked in |
-//! | out | `action` | float32 [B, 2] | the policy's mean: v (m/s), ω (rad/s), to be clipped to the robot's limits |
+//! | in | `observation` | float32 `[B, row]` | observation rows as everywhere: scans oldest first, goal, velocity (docs/concepts.md) |
+//! | in | `token` | int64 `[B]` | behaviour tokens; not there where one was baked in |
+//! | out | `action` | float32 `[B, 2]` | the policy's mean: v (m/s), ω (rad/s), to be clipped to the robot's limits |
 //!
 //! A policy that reads motions (`network.inputs = "motion"`) has an encoder before its network that matches bodies between scans. ONNX has no
-//! operators for that, so the model then takes `inputs`, float32 [B, n]: what the encoder makes of each observation row
+//! operators for that, so the model then takes `inputs`, float32 `[B, n]`: what the encoder makes of each observation row
 //! ([`jostle_policy::encoder`]; `jostle.Policy.encode` in Python).
 //!
 //! The metadata hold the policy's provenance, its limits, and the beams of its laser.
