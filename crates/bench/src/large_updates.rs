@@ -8,6 +8,7 @@ use jostle_policy::backend::{actor_of_inputs, critic_of_inputs};
 use jostle_policy::encoder::motion::MotionInputs;
 use jostle_policy::{Backend, Batch, Network, NetworkConfig, Parameters};
 use jostle_ppo::adam::Adam;
+use jostle_ppo::minibatch::shuffle;
 use rand::Rng;
 
 use crate::error::BenchError;
@@ -122,10 +123,8 @@ impl LargeUpdate {
         let actor = actor_of_inputs(&sizes.network, Backend::Fast, &Parameters::actor(&sizes.network, rng))?;
         let critic =
             critic_of_inputs(&sizes.network, Backend::Fast, &Parameters::critic(&sizes.network, rng))?;
-        let mut order: Vec<u32> = (0..n as u32).collect();
-        for last in (1..n).rev() {
-            order.swap(last, rng.next_u32() as usize % (last + 1));
-        }
+        let mut order = Vec::new();
+        shuffle(&mut order, n, rng);
         let mut value = || rng.next_u32() as f32 / u32::MAX as f32 - 0.5;
         Ok(Self {
             inputs: (0..n * sizes.network.input_len()).map(|_| value()).collect(),

@@ -33,6 +33,30 @@ fn assert_same(found: &[(String, Vec<u8>)], expected: &[(String, Vec<u8>)], what
     assert!(moved.is_empty(), "{what}: other bytes in {moved:?}");
 }
 
+/// A run that stops after `at` updates and goes on from its checkpoint `half` makes the reports and the checkpoint of the `whole` one, at
+/// any number of threads.
+#[track_caller]
+fn assert_goes_on(
+    settings: &[&str],
+    threads: &[usize],
+    at: usize,
+    reports: &[UpdateReport],
+    whole: &[(String, Vec<u8>)],
+    half: &Path,
+) {
+    for &threads in threads {
+        let config = jostle_ppo::Config { threads, ..tiny(settings) };
+        let mut first = Trainer::new(config.clone()).expect("valid");
+        assert_eq!(run(&mut first, at), reports[..at]);
+        first.save(half).expect("writable");
+        drop(first);
+        let mut second = Trainer::resume_with(half, config).expect("a good checkpoint");
+        assert_eq!(run(&mut second, reports.len() - at), reports[at..]);
+        let found = saved(&mut second, half.parent().expect("a folder"));
+        assert_same(&found, whole, &format!("{settings:?}, {threads} threads"));
+    }
+}
+
 #[test]
 fn the_number_of_threads_changes_no_bit() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -99,16 +123,7 @@ fn a_training_crowd_keeps_the_promises() {
     let mut whole = trainer(&CROWD);
     let reports = run(&mut whole, 6);
     let whole = saved(&mut whole, folder.path());
-    for threads in [1, 2, 8] {
-        let config = jostle_ppo::Config { threads, ..tiny(&CROWD) };
-        let mut first = Trainer::new(config.clone()).expect("valid");
-        assert_eq!(run(&mut first, 3), reports[..3]);
-        first.save(&half).expect("writable");
-        drop(first);
-        let mut second = Trainer::resume_with(&half, config).expect("a good checkpoint");
-        assert_eq!(run(&mut second, 3), reports[3..]);
-        assert_same(&saved(&mut second, folder.path()), &whole, &format!("{threads} threads"));
-    }
+    assert_goes_on(&CROWD, &[1, 2, 8], 3, &reports, &whole, &half);
 }
 
 #[test]
@@ -126,16 +141,7 @@ fn encoded_inputs_keep_the_promises() {
         let mut whole = trainer(&settings);
         let reports = run(&mut whole, 6);
         let whole = saved(&mut whole, folder.path());
-        for threads in [1, 2] {
-            let config = jostle_ppo::Config { threads, ..tiny(&settings) };
-            let mut first = Trainer::new(config.clone()).expect("valid");
-            assert_eq!(run(&mut first, 3), reports[..3]);
-            first.save(&half).expect("writable");
-            drop(first);
-            let mut second = Trainer::resume_with(&half, config).expect("a good checkpoint");
-            assert_eq!(run(&mut second, 3), reports[3..]);
-            assert_same(&saved(&mut second, folder.path()), &whole, &format!("{inputs}, {threads} threads"));
-        }
+        assert_goes_on(&settings, &[1, 2], 3, &reports, &whole, &half);
     }
 }
 
@@ -154,16 +160,7 @@ fn constrained_diversity_keeps_the_promises() {
     assert!(free.iter().all(|report| report.paid_behaviours.is_none()));
     assert_ne!(free.last().map(|r| r.policy_loss), reports.last().map(|r| r.policy_loss));
     let whole = saved(&mut whole, folder.path());
-    for threads in [1, 2] {
-        let config = jostle_ppo::Config { threads, ..tiny(&settings) };
-        let mut first = Trainer::new(config.clone()).expect("valid");
-        assert_eq!(run(&mut first, 7), reports[..7]);
-        first.save(&half).expect("writable");
-        drop(first);
-        let mut second = Trainer::resume_with(&half, config).expect("a good checkpoint");
-        assert_eq!(run(&mut second, 5), reports[7..]);
-        assert_same(&saved(&mut second, folder.path()), &whole, &format!("{threads} threads"));
-    }
+    assert_goes_on(&settings, &[1, 2], 7, &reports, &whole, &half);
 }
 
 #[test]
@@ -183,16 +180,7 @@ fn a_population_keeps_the_promises() {
     let mut whole = trainer(&population);
     let reports = run(&mut whole, 8);
     let whole = saved(&mut whole, folder.path());
-    for threads in [1, 2, 8] {
-        let config = jostle_ppo::Config { threads, ..tiny(&population) };
-        let mut first = Trainer::new(config.clone()).expect("valid");
-        assert_eq!(run(&mut first, 5), reports[..5]);
-        first.save(&half).expect("writable");
-        drop(first);
-        let mut second = Trainer::resume_with(&half, config).expect("a good checkpoint");
-        assert_eq!(run(&mut second, 3), reports[5..]);
-        assert_same(&saved(&mut second, folder.path()), &whole, &format!("{threads} threads"));
-    }
+    assert_goes_on(&population, &[1, 2, 8], 5, &reports, &whole, &half);
     assert_ne!(run(&mut trainer(&["n_agents=3"]), 8), reports, "opponents act in their own way");
 
     let metadata = jostle_policy::PolicyFile::load(&half).expect("a checkpoint").metadata;
