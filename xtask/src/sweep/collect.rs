@@ -29,17 +29,14 @@ pub(super) fn store(plan: &Plan, folder: Option<&Path>) -> Result<String> {
          among the run's own kind, with its 95 % interval.\n",
         plan.window
     );
-    let (mut markdown, mut text) =
-        (format!("{}\n{note}", grid.markdown()), format!("{}\n{note}", grid.text()));
-    if let Some(comparison) = table.comparison() {
-        markdown = [&markdown, "\n", &comparison.markdown(), "\n", COMPARED].concat();
-        text = [&text, "\n", &comparison.text(), "\n", COMPARED].concat();
-    }
+    let comparison = table.comparison();
+    let compared = |page: String, shown: fn(&Grid) -> String| match &comparison {
+        Some(comparison) => [&page, "\n", &shown(comparison), "\n", COMPARED].concat(),
+        None => page,
+    };
+    let markdown = compared(format!("{}\n{note}", grid.markdown()), Grid::markdown);
     if let Some(summary) = table.summary() {
-        let mut page = format!("{}\n{AVERAGED}", summary.markdown());
-        if let Some(comparison) = table.comparison() {
-            page = [&page, "\n", &comparison.markdown(), "\n", COMPARED].concat();
-        }
+        let page = compared(format!("{}\n{AVERAGED}", summary.markdown()), Grid::markdown);
         write_atomically(&folder.join("summary.md"), &page)?;
     }
     write_atomically(&folder.join("results.csv"), &table.csv())?;
@@ -47,7 +44,7 @@ pub(super) fn store(plan: &Plan, folder: Option<&Path>) -> Result<String> {
     if let Some(panels) = table.panels() {
         write_atomically(&folder.join("results.svg"), &draw::panels::curves(&panels)?)?;
     }
-    Ok(text)
+    Ok(compared(format!("{}\n{note}", grid.text()), Grid::text))
 }
 
 /// What stands below the summary.
@@ -212,10 +209,7 @@ impl<'p> Table<'p> {
                     row.push(mean(&|point| rate(point.evaluation.as_ref(), crowd), 3));
                 }
                 let average = |point: &Point<'_>| self.average(point.evaluation.as_ref());
-                let ends = points
-                    .iter()
-                    .filter_map(|point| average(point))
-                    .fold((f64::INFINITY, 0.0_f64), |(low, high), x| (low.min(x), high.max(x)));
+                let ends = ends(points.iter().filter_map(|point| average(point)));
                 row.push(format!("**{}** ({:.3}–{:.3})", mean(&average, 3), ends.0, ends.1));
                 grid.push(index == 0, row);
             }
@@ -246,8 +240,7 @@ impl<'p> Table<'p> {
         for (index, (name, averages)) in all.iter().enumerate() {
             let mut row = vec![(*name).to_owned(), averages.len().to_string()];
             let mean = averages.iter().sum::<f64>() / averages.len().max(1) as f64;
-            let ends =
-                averages.iter().fold((f64::INFINITY, 0.0_f64), |(low, high), x| (low.min(*x), high.max(*x)));
+            let ends = ends(averages.iter().copied());
             row.push(if averages.is_empty() { dash() } else { format!("{mean:.3}") });
             row.push(if averages.is_empty() { dash() } else { format!("{:.3}–{:.3}", ends.0, ends.1) });
             let negated: Vec<f64> = first.iter().map(|average| -average).collect();
@@ -267,9 +260,7 @@ impl<'p> Table<'p> {
     fn panels(&self) -> Option<Panels> {
         let variants = self.variants();
         let trained = self.points.iter().filter(|point| point.updates > 0);
-        let ends = trained.fold((f64::INFINITY, 0.0_f64), |(low, high), point| {
-            (low.min(point.transitions as f64), high.max(point.transitions as f64))
-        });
+        let ends = ends(trained.map(|point| point.transitions as f64));
         if self.crowds.is_empty() || ends.0 >= ends.1 {
             return None;
         }
@@ -380,6 +371,11 @@ fn rate(tested: Option<&Evaluation>, crowd: &str) -> Option<f64> {
     cell(tested, crowd)?.summary.success_rate
 }
 
+/// The least and the greatest of some values: ∞ and −∞ where there is none.
+fn ends(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, greatest), x| (least.min(x), greatest.max(x)))
+}
+
 /// Mean, least and greatest of a measure over the points with as many transitions each.
 fn bands<'a>(
     points: impl Iterator<Item = &'a Point<'a>>,
@@ -393,8 +389,7 @@ fn bands<'a>(
     }
     let band = |(transitions, values): (u64, Vec<f64>)| {
         let mean = values.iter().sum::<f64>() / values.len() as f64;
-        let (least, greatest) =
-            values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, g), v| (l.min(*v), g.max(*v)));
+        let (least, greatest) = ends(values.iter().copied());
         [transitions as f64, mean, least, greatest]
     };
     at.into_iter().map(band).collect()
