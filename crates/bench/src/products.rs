@@ -3,7 +3,7 @@
 //! A ReLU stands before the layer and one behind it, so half of its inputs and of its output gradients are zero here, as in a fresh
 //! network. Operations are counted as if they were not.
 
-use jostle_policy::kernels::{AlignedVec, Chunks, Forward, Isa, Linear};
+use jostle_kernels::{AlignedVec, Chunks, Forward, Isa, Linear};
 use rand::Rng;
 
 use crate::clock::Stopwatch;

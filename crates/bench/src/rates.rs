@@ -3,7 +3,7 @@
 use std::hint::black_box;
 
 use candle_core::{DType, Device, Tensor};
-use jostle_policy::kernels::{Finish, Grid, HALF, Isa, PANEL, Start, Strips, rows_times_panel};
+use jostle_kernels::{Finish, Grid, HALF, Isa, PANEL, Start, Strips, rows_times_panel};
 
 use crate::clock::{Round, Stopwatch};
 use crate::error::BenchError;

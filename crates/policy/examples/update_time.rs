@@ -12,10 +12,8 @@
 use std::hint::black_box;
 use std::time::Instant;
 
+use jostle_kernels::{AdamStep, Finish, Grid, HALF, Isa, PANEL, Start, Strips, adam_step, rows_times_panel};
 use jostle_policy::fast::Mlp;
-use jostle_policy::kernels::{
-    AdamStep, Finish, Grid, HALF, Isa, PANEL, Start, Strips, adam_step, rows_times_panel,
-};
 use jostle_policy::{Backend, Batch, Network, NetworkConfig, Parameters, PolicyError, actor, critic};
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;

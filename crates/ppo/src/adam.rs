@@ -7,7 +7,7 @@
 //!
 //! Kingma and Ba: Adam: A Method for Stochastic Optimization, arXiv:1412.6980, Algorithm 1.
 
-use jostle_policy::kernels::{AdamStep, Isa, adam_step};
+use jostle_kernels::{AdamStep, Isa, adam_step};
 
 /// Decay of the first moment, β₁ (the article's default).
 pub const BETA_1: f64 = 0.9;

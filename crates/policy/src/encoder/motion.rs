@@ -21,8 +21,8 @@ use serde::{Deserialize, Serialize};
 
 use super::clusters::{Beams, Cluster, ClusterScratch, SIZE_MAX, ScanClusters, distance_sq, run_of};
 use super::paths::{DIRECTIONS, FREE, HORIZON, Meetings, PATHS, Paths, STEPS};
-use crate::kernels::isa::{Isa, Work};
 use crate::observation::TAIL_LEN;
+use jostle_kernels::{Isa, Work};
 
 /// Sectors of the scan.
 const SECTORS: usize = 32;

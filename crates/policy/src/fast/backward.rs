@@ -8,8 +8,8 @@
 use super::conv::{ConvParts, Convolutions};
 use super::network::{FastNetwork, Pool, Scratch};
 use crate::config::CONV2_KERNEL;
-use crate::kernels::{BLOCK, Chunks, Finish, Grid, HALF, PANEL, for_each_piece};
 use crate::observation::TAIL_LEN;
+use jostle_kernels::{BLOCK, Chunks, Finish, Grid, HALF, PANEL, for_each_piece};
 
 /// Floats between the rows of a chunk's gradient beyond its features, so that rows do not share sets of the cache.
 const ROW_GAP: usize = 2 * BLOCK;

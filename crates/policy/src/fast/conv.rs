@@ -19,7 +19,7 @@
 
 use crate::NetworkConfig;
 use crate::config::{CONV_CHANNELS, CONV1_KERNEL, CONV2_KERNEL};
-use crate::kernels::{
+use jostle_kernels::{
     AlignedVec, BLOCK, Count, Finish, Grid, HALF, Isa, PANEL, SampleForward, SampleGradient, SampleMasks,
     Start, Steps, Strips, outer_products, rows_times_panel,
 };
@@ -263,8 +263,8 @@ fn add_rows(rows: &[f32], sums: &mut [f32]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernels::Linear;
-    use crate::kernels::tests::values;
+    use crate::fast::tests::values;
+    use jostle_kernels::Linear;
 
     /// One chunk of samples of which this share of the gradients is not zero: the gradient of all parameters, in bits.
     fn gradient(isa: Isa, beams: usize, share: f32, leave_out_zeros: bool) -> Vec<u32> {

@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use super::network::Activation;
 use super::permutation::Permutation;
-use crate::kernels::{AlignedVec, BLOCK, Chunks, Finish, Forward, Grid, Head, Isa, Linear, for_each_piece};
 use crate::{Batch, Layout, Network, NetworkConfig, Parameters, PolicyError};
+use jostle_kernels::{AlignedVec, BLOCK, Chunks, Finish, Forward, Grid, Head, Isa, Linear, for_each_piece};
 
 /// inputs → hidden (ReLU) → hidden (ReLU) → outputs, with tensors `fc1`, `fc2` and the heads (`out`, or those of an actor
 /// or a critic).

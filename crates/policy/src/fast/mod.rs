@@ -1,4 +1,4 @@
-//! The fast back end: actor, critic and multi-layer perceptrons on the [`kernels`](crate::kernels), for any CPU.
+//! The fast back end: actor, critic and multi-layer perceptrons on the [`kernels`](jostle_kernels), for any CPU.
 //!
 //! Reading order: `conv` (the convolutions), [`network`] (forward pass), `backward`, [`mlp`] (for discriminators).
 //!
@@ -19,7 +19,7 @@ pub use mlp::Mlp;
 pub use network::FastNetwork;
 
 use crate::PolicyError;
-use crate::kernels::PANEL;
+use jostle_kernels::PANEL;
 
 /// Refuses a layer's width that the kernels cannot hold in panels.
 fn check_width(field: &'static str, found: usize) -> Result<(), PolicyError> {

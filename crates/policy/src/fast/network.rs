@@ -9,11 +9,11 @@ use std::sync::{Arc, Mutex};
 use super::conv::{ConvParts, ConvScratch, Convolutions, TRANSPOSED2_LEN};
 use super::permutation::Permutation;
 use crate::config::{CONV1_KERNEL, CONV2_KERNEL};
-use crate::kernels::{
-    AlignedVec, BLOCK, Chunks, Forward, Head, Isa, Linear, PANEL, for_each_piece, prefetch,
-};
 use crate::observation::TAIL_LEN;
 use crate::{Batch, Layout, Network, NetworkConfig, Parameters, PolicyError};
+use jostle_kernels::{
+    AlignedVec, BLOCK, Chunks, Forward, Head, Isa, Linear, PANEL, for_each_piece, prefetch,
+};
 
 /// What follows a head's output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -3,9 +3,20 @@
 
 use super::mlp::Mlp;
 use super::network::{Activation, FastNetwork};
-use crate::kernels::Isa;
-use crate::kernels::tests::values;
+use jostle_kernels::Isa;
+
 use crate::{Batch, Layout, Network, NetworkConfig, Parameters};
+
+/// A fixed, irregular sequence in −1 … 1.
+pub(super) fn values(len: usize, seed: u32) -> Vec<f32> {
+    let mut state = seed.wrapping_mul(2_654_435_761).wrapping_add(12_345);
+    (0..len)
+        .map(|_| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as f32 / (1 << 23) as f32 - 1.0
+        })
+        .collect()
+}
 
 fn parameters(layout: Layout) -> Parameters {
     let flat = values(layout.len(), 7).into_iter().map(|value| value * 0.05).collect();

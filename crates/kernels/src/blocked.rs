@@ -45,31 +45,37 @@ impl Chunks {
     }
 
     /// Rows of a chunk.
+    #[inline]
     pub fn rows(&self, chunk: usize) -> usize {
         self.size.min(self.batch - chunk * self.size)
     }
 
     /// First row of a chunk.
+    #[inline]
     pub fn first(&self, chunk: usize) -> usize {
         chunk * self.size
     }
 
     /// Distance between two blocks.
+    #[inline]
     pub fn block_stride(&self) -> usize {
         self.stride * BLOCK
     }
 
     /// Length of one chunk's activations of so many features.
+    #[inline]
     pub fn chunk_len(&self, features: usize) -> usize {
         features.div_ceil(BLOCK) * self.block_stride()
     }
 
     /// Length of the whole batch's activations of so many features.
+    #[inline]
     pub fn len(&self, features: usize) -> usize {
         self.count * self.chunk_len(features)
     }
 
     /// Writes one row into a chunk, from the feature `first` on.
+    #[inline]
     pub fn write_row(&self, chunk: &mut [f32], row: usize, first: usize, values: &[f32]) {
         if first.is_multiple_of(BLOCK) {
             let mut at = first / BLOCK * self.block_stride() + row * BLOCK;

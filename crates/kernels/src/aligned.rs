@@ -31,6 +31,7 @@ impl AlignedVec {
 impl Deref for AlignedVec {
     type Target = [f32];
 
+    #[inline]
     fn deref(&self) -> &[f32] {
         // SAFETY: `Line` is 16 floats and nothing else, and there are at least `len / 16` of them.
         unsafe { std::slice::from_raw_parts(self.lines.as_ptr().cast(), self.len) }
@@ -38,6 +39,7 @@ impl Deref for AlignedVec {
 }
 
 impl DerefMut for AlignedVec {
+    #[inline]
     fn deref_mut(&mut self) -> &mut [f32] {
         // SAFETY: as above, and the borrow is unique.
         unsafe { std::slice::from_raw_parts_mut(self.lines.as_mut_ptr().cast(), self.len) }

@@ -12,10 +12,10 @@
 //! A step is a sample (linear layers) or a position (convolutions). The sum over all steps of a call is kept in
 //! registers from zero and added to the output once, which is both faster and more exact than adding step by step.
 
-use super::Isa;
-use super::isa::Level;
-use super::rows::{HALF, PANEL};
-use super::tile::Tiles;
+use crate::Isa;
+use crate::isa::Level;
+use crate::rows::{HALF, PANEL};
+use crate::tile::Tiles;
 
 /// One operand: where a step's values stand.
 #[derive(Debug, Clone, Copy)]
@@ -65,11 +65,11 @@ pub fn outer_products(
         // SAFETY: an `Isa` exists only where the processor has it; the lengths are checked above.
         #[cfg(target_arch = "x86_64")]
         Level::Avx512 => unsafe {
-            super::avx512::outer(Tiles::new(rows, 14), count, &a, &b, accumulate, out);
+            crate::avx512::outer(Tiles::new(rows, 14), count, &a, &b, accumulate, out);
         },
         // SAFETY: as above.
         #[cfg(target_arch = "x86_64")]
-        Level::Avx2 => unsafe { super::avx2::outer(Tiles::new(rows, 6), count, &a, &b, accumulate, out) },
+        Level::Avx2 => unsafe { crate::avx2::outer(Tiles::new(rows, 6), count, &a, &b, accumulate, out) },
         _ => plain(rows, count, a, b, accumulate, out),
     }
 }

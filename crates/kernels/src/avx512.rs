@@ -10,17 +10,17 @@ use std::arch::x86_64::{
     _mm512_loadu_ps, _mm512_maskz_mov_ps, _mm512_max_ps, _mm512_set1_ps, _mm512_setzero_ps, _mm512_storeu_ps,
 };
 
-use super::outer::{Count, Steps};
-use super::rows::{Finish, Grid, HALF, PANEL, Start, Strips};
-use super::tile::Tiles;
+use crate::outer::{Count, Steps};
+use crate::rows::{Finish, Grid, HALF, PANEL, Start, Strips};
+use crate::tile::Tiles;
 
-/// [`rows_times_panel`](super::rows_times_panel).
+/// [`rows_times_panel`](crate::rows_times_panel).
 ///
 /// # Safety
 ///
 /// AVX-512F, and operands as long as `rows_times_panel` checks.
 #[target_feature(enable = "avx512f")]
-pub(super) unsafe fn rows<const ROW: usize>(
+pub(crate) unsafe fn rows<const ROW: usize>(
     tiles: Tiles,
     a: &Strips<'_>,
     panel: &[f32],
@@ -127,13 +127,13 @@ unsafe fn rows_tile<const MR: usize, const ROW: usize>(
     }
 }
 
-/// [`outer_products`](super::outer_products).
+/// [`outer_products`](crate::outer_products).
 ///
 /// # Safety
 ///
 /// AVX-512F, and operands as long as `outer_products` checks.
 #[target_feature(enable = "avx512f")]
-pub(super) unsafe fn outer(
+pub(crate) unsafe fn outer(
     tiles: Tiles,
     count: Count,
     a: &Steps<'_>,

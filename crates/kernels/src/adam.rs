@@ -15,8 +15,8 @@
 //!
 //! Kingma and Ba, "Adam: a method for stochastic optimization", ICLR 2015, arXiv:1412.6980, algorithm 1.
 
-use super::isa::Level;
-use super::{Isa, for_each_piece};
+use crate::isa::Level;
+use crate::{Isa, for_each_piece};
 
 /// Constants of one step.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,15 +1,15 @@
 //! Transposing a square of weights.
 
-use super::Isa;
-use super::isa::Level;
-use super::rows::PANEL;
+use crate::Isa;
+use crate::isa::Level;
+use crate::rows::PANEL;
 
 /// `to[j·32 + i] = from[i·32 + j]`; rows that `from` does not have become zeros.
 ///
 /// # Panics
 ///
 /// If `to` does not have 32 × 32 values, or `from` has more.
-pub(super) fn square(isa: Isa, from: &[f32], to: &mut [f32]) {
+pub(crate) fn square(isa: Isa, from: &[f32], to: &mut [f32]) {
     let (from, _) = from.as_chunks::<PANEL>();
     let (to, _) = to.as_chunks_mut::<PANEL>();
     assert!(from.len() <= PANEL && to.len() == PANEL, "{} rows to {}", from.len(), to.len());
@@ -56,7 +56,7 @@ unsafe fn square_avx2(from: &[[f32; PANEL]], to: &mut [[f32; PANEL]]) {
 #[cfg(target_arch = "x86_64")]
 #[inline]
 #[target_feature(enable = "avx2")]
-pub(super) fn eight_by_eight(rows: [std::arch::x86_64::__m256; 8]) -> [std::arch::x86_64::__m256; 8] {
+pub(crate) fn eight_by_eight(rows: [std::arch::x86_64::__m256; 8]) -> [std::arch::x86_64::__m256; 8] {
     use std::arch::x86_64::{
         _mm256_permute2f128_ps, _mm256_shuffle_ps, _mm256_unpackhi_ps, _mm256_unpacklo_ps,
     };

@@ -2,7 +2,7 @@
 //!
 //! conv2 has kernel 3, stride 2, and 32 channels on either side, channels last: position p reads the rows 2p, 2p + 1 and
 //! 2p + 2 of its padded input (`[rows][32]`, row 0 padding). A ReLU stands before it and one behind: about half of its inputs are
-//! zero, and in a trained network more than half of its output gradients. As in [`sparse`](super::sparse) masks say which are
+//! zero, and in a trained network more than half of its output gradients. As in [`sparse`](crate::sparse) masks say which are
 //! not, sums are made in the order of the dense products, and the bits are the same (test
 //! `convolutions_that_leave_out_zeros_have_the_bits_of_those_that_do_not`).
 //!
@@ -13,16 +13,16 @@
 //! - Weight gradient: for each output channel, each position's value is multiplied by its whole window, six registers.
 //!   The sums are `[channel][window]`, the transpose of the weights' order.
 
-use super::Isa;
-use super::isa::Level;
-use super::rows::{Grid, HALF, PANEL};
+use crate::Isa;
+use crate::isa::Level;
+use crate::rows::{Grid, HALF, PANEL};
 
 /// Channels on either side.
 const CHANNELS: usize = PANEL;
 /// Inputs of a position: three rows.
-pub(super) const WINDOW: usize = 3 * CHANNELS;
+pub(crate) const WINDOW: usize = 3 * CHANNELS;
 /// Between the windows of two positions.
-pub(super) const WINDOW_STEP: usize = 2 * CHANNELS;
+pub(crate) const WINDOW_STEP: usize = 2 * CHANNELS;
 /// Above this share of inputs that are not zero the dense forward product is faster. Measured on a processor with one 512-bit
 /// multiply-add a cycle: 4.8, 5.8 and 6.7 µs a sample at a share of 0.4, 0.5 and 0.6, dense 7.1.
 const DENSE_INPUT: f64 = 0.65;
@@ -105,10 +105,10 @@ impl SampleForward<'_> {
         let kept = match isa.0 {
             // SAFETY: an `Isa` exists only where the processor has it.
             #[cfg(target_arch = "x86_64")]
-            Level::Avx512 => unsafe { super::avx512_sparse::mask_rows(input, masks) },
+            Level::Avx512 => unsafe { crate::avx512_sparse::mask_rows(input, masks) },
             // SAFETY: as above.
             #[cfg(target_arch = "x86_64")]
-            Level::Avx2 => unsafe { super::avx2_sparse::mask_rows(input, masks) },
+            Level::Avx2 => unsafe { crate::avx2_sparse::mask_rows(input, masks) },
             _ => return false,
         };
         if f64::from(kept) > DENSE_INPUT * (rows * CHANNELS) as f64 {
@@ -117,10 +117,10 @@ impl SampleForward<'_> {
         match isa.0 {
             // SAFETY: an `Isa` exists only where the processor has it; lengths are checked above.
             #[cfg(target_arch = "x86_64")]
-            Level::Avx512 => unsafe { super::avx512_sparse::conv_forward(self, masks) },
+            Level::Avx512 => unsafe { crate::avx512_sparse::conv_forward(self, masks) },
             // SAFETY: as above.
             #[cfg(target_arch = "x86_64")]
-            Level::Avx2 => unsafe { super::avx2_sparse::conv_forward(self, masks) },
+            Level::Avx2 => unsafe { crate::avx2_sparse::conv_forward(self, masks) },
             _ => return false,
         }
         true
@@ -139,11 +139,11 @@ pub struct SampleGradient<'a> {
 }
 
 impl SampleGradient<'_> {
-    pub(super) fn positions(&self) -> &[u32] {
+    pub(crate) fn positions(&self) -> &[u32] {
         &self.masks.positions
     }
 
-    pub(super) fn channels(&self) -> &[[u64; CHANNELS]] {
+    pub(crate) fn channels(&self) -> &[[u64; CHANNELS]] {
         &self.masks.channels
     }
 
@@ -170,12 +170,12 @@ impl SampleGradient<'_> {
             // SAFETY: an `Isa` exists only where the processor has it; lengths are checked above.
             #[cfg(target_arch = "x86_64")]
             Level::Avx512 => unsafe {
-                super::avx512_sparse::conv_input_gradient(self, transposed, d_input, rows);
+                crate::avx512_sparse::conv_input_gradient(self, transposed, d_input, rows);
             },
             // SAFETY: as above.
             #[cfg(target_arch = "x86_64")]
             Level::Avx2 => unsafe {
-                super::avx2_sparse::conv_input_gradient(self, transposed, d_input, rows);
+                crate::avx2_sparse::conv_input_gradient(self, transposed, d_input, rows);
             },
             _ => unreachable!("callers ask whether this is available"),
         }
@@ -195,10 +195,10 @@ impl SampleGradient<'_> {
         match isa.0 {
             // SAFETY: an `Isa` exists only where the processor has it; lengths are checked above.
             #[cfg(target_arch = "x86_64")]
-            Level::Avx512 => unsafe { super::avx512_sparse::conv_weight_gradient(self, sums, gradient) },
+            Level::Avx512 => unsafe { crate::avx512_sparse::conv_weight_gradient(self, sums, gradient) },
             // SAFETY: as above.
             #[cfg(target_arch = "x86_64")]
-            Level::Avx2 => unsafe { super::avx2_sparse::conv_weight_gradient(self, sums, gradient) },
+            Level::Avx2 => unsafe { crate::avx2_sparse::conv_weight_gradient(self, sums, gradient) },
             _ => unreachable!("callers ask whether this is available"),
         }
     }

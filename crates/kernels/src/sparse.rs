@@ -4,7 +4,7 @@
 //! dense product multiplies them all the same. Here one bit for each value of a row says whether it is zero; those that are
 //! not are broadcast, one after the other, and multiplied by 64 values of the other operand, which stay in the first-level
 //! cache. That reads an operand of the multiply-add from memory each time, where the dense tiles of
-//! [`rows`](super::rows) keep it in a register for 14 rows, so it pays where the share of values that are not zero is below
+//! [`rows`](crate::rows) keep it in a register for 14 rows, so it pays where the share of values that are not zero is below
 //! `DENSE`; above it the dense product is used.
 //!
 //! # The same bits
@@ -18,15 +18,15 @@
 //!
 //! A *span* is 64 features, outputs or rows: the bits of a mask, and four blocks of 16.
 
-use super::Isa;
-use super::blocked::{BLOCK, Chunks};
-use super::isa::Level;
-use super::rows::{Grid, PANEL, Start};
+use crate::Isa;
+use crate::blocked::{BLOCK, Chunks};
+use crate::isa::Level;
+use crate::rows::{Grid, PANEL, Start};
 
 /// Features that a value is multiplied by, and bits of a mask: four registers of AVX-512, eight of AVX2.
-pub(super) const SPAN: usize = 64;
+pub(crate) const SPAN: usize = 64;
 /// Blocks of a span.
-pub(super) const QUARTERS: usize = SPAN / BLOCK;
+pub(crate) const QUARTERS: usize = SPAN / BLOCK;
 /// Above this share of values that are not zero the dense product is faster. Measured at 4096 × 256 on a processor with one
 /// 512-bit multiply-add a cycle: about 1.4 times faster at a share of 0.5, even at 0.7 to 0.75. conv2's backward pass of a
 /// sample: 7.2 µs at 0.4, 13.0 at 0.75, dense 13.8.
@@ -35,7 +35,7 @@ const DENSE: f64 = 0.75;
 const ROWS_MIN: usize = 16;
 
 /// Whether products may leave out zeros: the processor has the instructions, and there are enough rows.
-pub(super) fn is_worth_a_look(isa: Isa, rows: usize) -> bool {
+pub(crate) fn is_worth_a_look(isa: Isa, rows: usize) -> bool {
     is_available(isa) && rows >= ROWS_MIN
 }
 
@@ -50,7 +50,7 @@ fn is_available(_: Isa) -> bool {
 }
 
 /// Whether so few of `all` values have a bit in the masks that leaving out the others pays.
-pub(super) fn are_few<'a>(masks: impl Iterator<Item = &'a [u64]>, all: usize) -> bool {
+pub(crate) fn are_few<'a>(masks: impl Iterator<Item = &'a [u64]>, all: usize) -> bool {
     let kept: u32 = masks.flatten().map(|mask| mask.count_ones()).sum();
     f64::from(kept) < DENSE * all as f64
 }
@@ -60,7 +60,7 @@ pub(super) fn are_few<'a>(masks: impl Iterator<Item = &'a [u64]>, all: usize) ->
 /// # Panics
 ///
 /// If an operand is too short for so many spans.
-pub(super) fn mask_row(
+pub(crate) fn mask_row(
     isa: Isa,
     spans: usize,
     x: &[f32],
@@ -75,17 +75,17 @@ pub(super) fn mask_row(
     match isa.0 {
         // SAFETY: an `Isa` exists only where the processor has it; the length of `x` is checked above.
         #[cfg(target_arch = "x86_64")]
-        Level::Avx512 => unsafe { super::avx512_sparse::mask_row(x, block_stride, masks) },
+        Level::Avx512 => unsafe { crate::avx512_sparse::mask_row(x, block_stride, masks) },
         // SAFETY: as above.
         #[cfg(target_arch = "x86_64")]
-        Level::Avx2 => unsafe { super::avx2_sparse::mask_row(x, block_stride, masks) },
+        Level::Avx2 => unsafe { crate::avx2_sparse::mask_row(x, block_stride, masks) },
         _ => unreachable!("callers ask whether this is available"),
     }
 }
 
 /// One mask for each output and chunk of output gradients in blocks: number `chunk · outputs + output`. Bit i is row i of
 /// the chunk.
-pub(super) fn mask_columns(isa: Isa, chunks: &Chunks, outputs: usize, dy: &[f32], masks: &mut Vec<u64>) {
+pub(crate) fn mask_columns(isa: Isa, chunks: &Chunks, outputs: usize, dy: &[f32], masks: &mut Vec<u64>) {
     assert!(chunks.size <= SPAN && outputs.is_multiple_of(BLOCK), "{chunks:?}, {outputs} outputs");
     masks.clear();
     masks.resize(chunks.count * outputs, 0);
@@ -97,10 +97,10 @@ pub(super) fn mask_columns(isa: Isa, chunks: &Chunks, outputs: usize, dy: &[f32]
         match isa.0 {
             // SAFETY: an `Isa` exists only where the processor has it.
             #[cfg(target_arch = "x86_64")]
-            Level::Avx512 => unsafe { super::avx512_sparse::mask_block(dy, masks) },
+            Level::Avx512 => unsafe { crate::avx512_sparse::mask_block(dy, masks) },
             // SAFETY: as above.
             #[cfg(target_arch = "x86_64")]
-            Level::Avx2 => unsafe { super::avx2_sparse::mask_block(dy, masks) },
+            Level::Avx2 => unsafe { crate::avx2_sparse::mask_block(dy, masks) },
             _ => unreachable!("callers ask whether this is available"),
         }
     }
@@ -108,7 +108,7 @@ pub(super) fn mask_columns(isa: Isa, chunks: &Chunks, outputs: usize, dy: &[f32]
 
 /// Sets bit i of a column's mask where row i is not zero there; compiled for each set of instructions.
 #[inline]
-pub(super) fn mask_block(rows: &[[f32; BLOCK]], masks: &mut [u64; BLOCK]) {
+pub(crate) fn mask_block(rows: &[[f32; BLOCK]], masks: &mut [u64; BLOCK]) {
     let mut own = [0; BLOCK];
     for (bit, row) in rows.iter().enumerate() {
         own.iter_mut().zip(row).for_each(|(mask, value)| *mask |= u64::from(*value != 0.0) << bit);
@@ -118,7 +118,7 @@ pub(super) fn mask_block(rows: &[[f32; BLOCK]], masks: &mut [u64; BLOCK]) {
 
 /// What is done to a finished sum.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum After<'a> {
+pub(crate) enum After<'a> {
     /// Nothing.
     Store,
     /// max(sum, 0).
@@ -129,23 +129,23 @@ pub(super) enum After<'a> {
 
 /// One span of a product of rows and 64 columns.
 #[derive(Debug)]
-pub(super) struct SpanProduct<'a> {
+pub(crate) struct SpanProduct<'a> {
     /// The rows from the span's first block on.
-    pub(super) x: &'a [f32],
+    pub(crate) x: &'a [f32],
     /// Distance between two blocks of `x`.
-    pub(super) block_stride: usize,
+    pub(crate) block_stride: usize,
     /// For each row, which values are not zero.
-    pub(super) masks: &'a [u64],
+    pub(crate) masks: &'a [u64],
     /// Two panels of 32 columns, a row for each feature of the span.
-    pub(super) panels: [&'a [f32]; 2],
+    pub(crate) panels: [&'a [f32]; 2],
     /// The panels that are asked for next, to be fetched meanwhile.
-    pub(super) next: [&'a [f32]; 2],
+    pub(crate) next: [&'a [f32]; 2],
     /// What the sums start from.
-    pub(super) start: Start<'a>,
+    pub(crate) start: Start<'a>,
     /// What is done to a finished sum.
-    pub(super) after: After<'a>,
+    pub(crate) after: After<'a>,
     /// The output; four blocks of it lie `half` apart.
-    pub(super) out: Grid<&'a mut [f32]>,
+    pub(crate) out: Grid<&'a mut [f32]>,
 }
 
 /// `out[row, 0..64] = after(start + Σ_i x[row, i] · panels[i, 0..64])`.
@@ -153,7 +153,7 @@ pub(super) struct SpanProduct<'a> {
 /// # Panics
 ///
 /// If an operand is too short for its shape.
-pub(super) fn rows_times_span(isa: Isa, mut product: SpanProduct<'_>) {
+pub(crate) fn rows_times_span(isa: Isa, mut product: SpanProduct<'_>) {
     let SpanProduct { x, block_stride, masks, panels, start, after, out, .. } = &product;
     let rows = masks.len();
     assert!(rows > 0, "a product of no rows");
@@ -171,40 +171,40 @@ pub(super) fn rows_times_span(isa: Isa, mut product: SpanProduct<'_>) {
     match isa.0 {
         // SAFETY: an `Isa` exists only where the processor has it; lengths are checked above.
         #[cfg(target_arch = "x86_64")]
-        Level::Avx512 => unsafe { super::avx512_sparse::rows(&mut product) },
+        Level::Avx512 => unsafe { crate::avx512_sparse::rows(&mut product) },
         // SAFETY: as above.
         #[cfg(target_arch = "x86_64")]
-        Level::Avx2 => unsafe { super::avx2_sparse::rows(&mut product) },
+        Level::Avx2 => unsafe { crate::avx2_sparse::rows(&mut product) },
         _ => unreachable!("callers ask whether this is available: {product:?}"),
     }
 }
 
 /// A span of inputs of a weight gradient.
 #[derive(Debug)]
-pub(super) struct SpanGradient<'a> {
-    pub(super) chunks: &'a Chunks,
+pub(crate) struct SpanGradient<'a> {
+    pub(crate) chunks: &'a Chunks,
     /// Number of outputs.
-    pub(super) outputs: usize,
+    pub(crate) outputs: usize,
     /// The output gradients of the batch.
-    pub(super) dy: &'a [f32],
+    pub(crate) dy: &'a [f32],
     /// Which of them are not zero, as [`mask_columns`] says.
-    pub(super) columns: &'a [u64],
+    pub(crate) columns: &'a [u64],
     /// The inputs of the batch from the span's first block on.
-    pub(super) x: &'a [f32],
+    pub(crate) x: &'a [f32],
     /// Distance between two chunks of inputs.
-    pub(super) x_chunk: usize,
+    pub(crate) x_chunk: usize,
     /// The gradient from the span's first input on: panels of 32 outputs, `panel_stride` apart.
-    pub(super) gradient: &'a mut [f32],
-    pub(super) panel_stride: usize,
+    pub(crate) gradient: &'a mut [f32],
+    pub(crate) panel_stride: usize,
 }
 
 /// `gradient[output panel][input][32] = Σ_row x[row, input] · dy[row, output]`, summed as by
-/// [`Linear::weight_gradient`](super::Linear::weight_gradient).
+/// [`Linear::weight_gradient`](crate::Linear::weight_gradient).
 ///
 /// # Panics
 ///
 /// If an operand is too short for its shape.
-pub(super) fn span_gradient(isa: Isa, mut product: SpanGradient<'_>) {
+pub(crate) fn span_gradient(isa: Isa, mut product: SpanGradient<'_>) {
     let SpanGradient { chunks, outputs, dy, columns, x, x_chunk, gradient, panel_stride } = &product;
     assert!(
         outputs.is_multiple_of(SPAN) && *outputs > 0 && chunks.count > 0,
@@ -224,20 +224,20 @@ pub(super) fn span_gradient(isa: Isa, mut product: SpanGradient<'_>) {
         // SAFETY: an `Isa` exists only where the processor has it; lengths are checked above, and a mask has bits for rows
         // of a chunk alone.
         #[cfg(target_arch = "x86_64")]
-        Level::Avx512 => unsafe { super::avx512_sparse::gradient(&mut product) },
+        Level::Avx512 => unsafe { crate::avx512_sparse::gradient(&mut product) },
         // SAFETY: as above.
         #[cfg(target_arch = "x86_64")]
-        Level::Avx2 => unsafe { super::avx2_sparse::gradient(&mut product) },
+        Level::Avx2 => unsafe { crate::avx2_sparse::gradient(&mut product) },
         _ => unreachable!("callers ask whether this is available: {product:?}"),
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::rows::Finish;
-    use super::super::tests::values;
-    use super::super::{Forward, HALF, Linear};
     use super::*;
+    use crate::rows::Finish;
+    use crate::tests::values;
+    use crate::{Forward, HALF, Linear};
 
     /// Irregular values of which about `share` are positive and the others zero, as behind a ReLU.
     fn behind_relu(len: usize, share: f32, seed: u32) -> Vec<f32> {

@@ -1,7 +1,7 @@
 //! Division of work over threads without allocation: slices that are cut in pieces, side by side.
 
 /// What can be cut in pieces: a slice with the length of its pieces, or several such.
-pub(crate) trait Pieces: Sized + Send {
+pub trait Pieces: Sized + Send {
     /// One piece.
     type Piece;
 
@@ -60,7 +60,7 @@ impl<A: Pieces, B: Pieces> Pieces for (A, B) {
 /// `piece` holds the i-th pieces of all slices; a slice comes with the length of its pieces, the last of which may be
 /// shorter. A single piece stays on the calling thread: handing it over would cost more than a small inference. Which
 /// thread does which piece does not matter to the result, as each writes its own pieces alone.
-pub(crate) fn for_each_piece<P: Pieces>(count: usize, slices: P, work: &(impl Fn(usize, P::Piece) + Sync)) {
+pub fn for_each_piece<P: Pieces>(count: usize, slices: P, work: &(impl Fn(usize, P::Piece) + Sync)) {
     divide(0, count, slices, work);
 }
 

@@ -8,9 +8,9 @@ use std::arch::x86_64::{
     _mm256_fmadd_ps, _mm256_loadu_ps, _mm256_max_ps, _mm256_set1_ps, _mm256_setzero_ps, _mm256_storeu_ps,
 };
 
-use super::outer::{Count, Steps};
-use super::rows::{Finish, Grid, HALF, PANEL, Start, Strips};
-use super::tile::Tiles;
+use crate::outer::{Count, Steps};
+use crate::rows::{Finish, Grid, HALF, PANEL, Start, Strips};
+use crate::tile::Tiles;
 
 /// Floats of a register.
 const LANES: usize = 8;
@@ -20,14 +20,14 @@ const DEPTH: usize = 128;
 /// Steps of k by which a panel is asked for before it is read.
 const AHEAD: usize = 24;
 
-/// [`rows_times_panel`](super::rows_times_panel). Sums that wait for their next steps wait in the output: the bits are those of
+/// [`rows_times_panel`](crate::rows_times_panel). Sums that wait for their next steps wait in the output: the bits are those of
 /// one sum over all k.
 ///
 /// # Safety
 ///
 /// AVX2 and FMA, and operands as long as `rows_times_panel` checks.
 #[target_feature(enable = "avx2,fma")]
-pub(super) unsafe fn rows<const ROW: usize>(
+pub(crate) unsafe fn rows<const ROW: usize>(
     tiles: Tiles,
     a: &Strips<'_>,
     panel: &[f32],
@@ -122,13 +122,13 @@ unsafe fn rows_tile<const MR: usize, const ROW: usize>(
     }
 }
 
-/// [`outer_products`](super::outer_products).
+/// [`outer_products`](crate::outer_products).
 ///
 /// # Safety
 ///
 /// AVX2 and FMA, and operands as long as `outer_products` checks.
 #[target_feature(enable = "avx2,fma")]
-pub(super) unsafe fn outer(
+pub(crate) unsafe fn outer(
     tiles: Tiles,
     count: Count,
     a: &Steps<'_>,

@@ -14,11 +14,11 @@
 //! Because the optimiser works element by element it does not care; nothing is packed for the forward pass. The input
 //! gradient wants the transpose, which [`Linear::transpose`] makes once per step of the optimiser.
 
-use super::blocked::{BLOCK, Chunks};
-use super::outer::{Count, Steps, outer_products};
-use super::rows::{Finish, Grid, HALF, PANEL, Start, Strips, rows_times_panel};
-use super::sparse::{self, After, QUARTERS, SPAN, SpanGradient, SpanProduct, rows_times_span, span_gradient};
-use super::{Isa, for_each_piece};
+use crate::blocked::{BLOCK, Chunks};
+use crate::outer::{Count, Steps, outer_products};
+use crate::rows::{Finish, Grid, HALF, PANEL, Start, Strips, rows_times_panel};
+use crate::sparse::{self, After, QUARTERS, SPAN, SpanGradient, SpanProduct, rows_times_span, span_gradient};
+use crate::{Isa, for_each_piece};
 
 /// Inputs of a group.
 const GROUP: usize = 256;
@@ -37,7 +37,7 @@ impl Linear {
     ///
     /// # Panics
     ///
-    /// If a size is 0 or `outputs` is not a multiple of 32 (pad it: see [`Head`](super::Head)).
+    /// If a size is 0 or `outputs` is not a multiple of 32 (pad it: see [`Head`](crate::Head)).
     pub fn new(inputs: usize, outputs: usize) -> Self {
         assert!(inputs > 0 && outputs > 0, "a layer of {inputs} inputs and {outputs} outputs");
         assert!(outputs.is_multiple_of(PANEL), "{outputs} outputs are no multiple of {PANEL}");
@@ -230,7 +230,7 @@ impl Linear {
                 let rows = PANEL.min(inputs - q * PANEL);
                 for (p, to) in transposed.chunks_exact_mut(PANEL * PANEL).enumerate() {
                     let from = &weights[(p * inputs + q * PANEL) * PANEL..][..rows * PANEL];
-                    super::transpose::square(isa, from, to);
+                    crate::transpose::square(isa, from, to);
                 }
             }
         });
@@ -431,7 +431,7 @@ impl<'a> Forward<'a> {
 }
 
 /// Whether a weight gradient sums from zero from this chunk on: every third, and the last if it has fewer rows.
-pub(super) fn begins_run(chunks: &Chunks, chunk: usize) -> bool {
+pub(crate) fn begins_run(chunks: &Chunks, chunk: usize) -> bool {
     chunk.is_multiple_of(CHUNKS_AT_ONCE) || chunks.rows(chunk) < chunks.size
 }
 

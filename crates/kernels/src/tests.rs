@@ -4,7 +4,7 @@ use super::*;
 use std::io::Write as _;
 
 /// A fixed, irregular sequence in −1 … 1.
-pub(crate) fn values(len: usize, seed: u32) -> Vec<f32> {
+pub(super) fn values(len: usize, seed: u32) -> Vec<f32> {
     let mut state = seed.wrapping_mul(2_654_435_761).wrapping_add(12345);
     (0..len)
         .map(|_| {

@@ -1,4 +1,4 @@
-//! The products of [`sparse`](super::sparse) for AVX2 and FMA: one row or column at a time, its 64 sums in eight registers.
+//! The products of [`sparse`](crate::sparse) for AVX2 and FMA: one row or column at a time, its 64 sums in eight registers.
 //!
 //! Each value costs eight multiply-adds that read their partner from the first-level cache, two a cycle, as many as a core can
 //! do anyway.
@@ -11,12 +11,12 @@ use std::arch::x86_64::{
     _mm256_setzero_ps, _mm256_storeu_ps,
 };
 
-use super::blocked::BLOCK;
-use super::linear::begins_run;
-use super::rows::{PANEL, Start};
-use super::sparse::{After, QUARTERS, SPAN, SpanGradient, SpanProduct};
-use super::sparse_conv::{SampleForward, SampleGradient, WINDOW, WINDOW_STEP};
-use super::transpose::eight_by_eight;
+use crate::blocked::BLOCK;
+use crate::linear::begins_run;
+use crate::rows::{PANEL, Start};
+use crate::sparse::{After, QUARTERS, SPAN, SpanGradient, SpanProduct};
+use crate::sparse_conv::{SampleForward, SampleGradient, WINDOW, WINDOW_STEP};
+use crate::transpose::eight_by_eight;
 
 /// Floats of a register.
 const LANES: usize = 8;
@@ -31,13 +31,13 @@ fn within(block_stride: usize, eighth: usize) -> usize {
     eighth / 2 * block_stride + eighth % 2 * LANES
 }
 
-/// [`mask_row`](super::sparse::mask_row).
+/// [`mask_row`](crate::sparse::mask_row).
 ///
 /// # Safety
 ///
 /// AVX2. For each mask, `x` has four blocks of 16 values, `block_stride` apart.
 #[target_feature(enable = "avx2")]
-pub(super) unsafe fn mask_row<'a>(x: &[f32], block_stride: usize, masks: impl Iterator<Item = &'a mut u64>) {
+pub(crate) unsafe fn mask_row<'a>(x: &[f32], block_stride: usize, masks: impl Iterator<Item = &'a mut u64>) {
     let mut x = x.as_ptr();
     for mask in masks {
         *mask = 0;
@@ -51,14 +51,14 @@ pub(super) unsafe fn mask_row<'a>(x: &[f32], block_stride: usize, masks: impl It
     }
 }
 
-/// [`mask_block`](super::sparse::mask_block).
+/// [`mask_block`](crate::sparse::mask_block).
 ///
 /// # Safety
 ///
 /// AVX2.
 #[target_feature(enable = "avx2")]
-pub(super) unsafe fn mask_block(rows: &[[f32; BLOCK]], masks: &mut [u64; BLOCK]) {
-    super::sparse::mask_block(rows, masks);
+pub(crate) unsafe fn mask_block(rows: &[[f32; BLOCK]], masks: &mut [u64; BLOCK]) {
+    crate::sparse::mask_block(rows, masks);
 }
 
 /// A value in all lanes, by way of a general register: the loops here are bound by loads of vector registers, of which a
@@ -110,13 +110,13 @@ unsafe fn add<const N: usize, const STEP: usize>(
     sums
 }
 
-/// [`rows_times_span`](super::sparse::rows_times_span).
+/// [`rows_times_span`](crate::sparse::rows_times_span).
 ///
 /// # Safety
 ///
 /// AVX2, FMA and BMI1, and operands as long as `rows_times_span` checks.
 #[target_feature(enable = "avx2,fma,bmi1")]
-pub(super) unsafe fn rows(product: &mut SpanProduct<'_>) {
+pub(crate) unsafe fn rows(product: &mut SpanProduct<'_>) {
     let SpanProduct { x, block_stride, masks, panels, next, start, after, out } = product;
     let (x, start, after) = (x.as_ptr(), *start, *after);
     let base = out.data.as_mut_ptr();
@@ -164,14 +164,14 @@ pub(super) unsafe fn rows(product: &mut SpanProduct<'_>) {
 #[repr(align(64))]
 struct Square([[f32; SPAN]; SPAN]);
 
-/// [`span_gradient`](super::sparse::span_gradient): 64 outputs at a time, chunk by chunk, so that a chunk's inputs (16 KB)
+/// [`span_gradient`](crate::sparse::span_gradient): 64 outputs at a time, chunk by chunk, so that a chunk's inputs (16 KB)
 /// stay in the first-level cache for 64 outputs; then rows of inputs are turned into rows of outputs.
 ///
 /// # Safety
 ///
 /// AVX2, FMA and BMI1, and operands as `span_gradient` checks.
 #[target_feature(enable = "avx2,fma,bmi1")]
-pub(super) unsafe fn gradient(product: &mut SpanGradient<'_>) {
+pub(crate) unsafe fn gradient(product: &mut SpanGradient<'_>) {
     let SpanGradient { chunks, outputs, dy, columns, x, x_chunk, panel_stride, .. } = *product;
     let stride = chunks.block_stride();
     let row = |square: &mut Square, output: usize| square.0[output].as_mut_ptr();
@@ -241,7 +241,7 @@ pub(super) unsafe fn gradient(product: &mut SpanGradient<'_>) {
 ///
 /// AVX2 and POPCNT.
 #[target_feature(enable = "avx2,popcnt")]
-pub(super) unsafe fn mask_rows(rows: &[[f32; PANEL]], masks: &mut [u32]) -> u32 {
+pub(crate) unsafe fn mask_rows(rows: &[[f32; PANEL]], masks: &mut [u32]) -> u32 {
     let mut kept = 0;
     for (row, mask) in rows.iter().zip(masks) {
         *mask = 0;
@@ -262,7 +262,7 @@ pub(super) unsafe fn mask_rows(rows: &[[f32; PANEL]], masks: &mut [u32]) -> u32 
 ///
 /// AVX2, FMA and BMI1, and operands as long as `run_if_few` checks.
 #[target_feature(enable = "avx2,fma,bmi1")]
-pub(super) unsafe fn conv_forward(sample: &mut SampleForward<'_>, masks: &[u32]) {
+pub(crate) unsafe fn conv_forward(sample: &mut SampleForward<'_>, masks: &[u32]) {
     let (input, weights, bias) = (sample.input.as_ptr(), sample.weights.as_ptr(), sample.bias.as_ptr());
     let (out, row, half) = (sample.out.data.as_mut_ptr(), sample.out.row, sample.out.half);
     let of_kernel = |kernel: usize| -> [*const f32; ROW] {
@@ -309,7 +309,7 @@ const ROW: usize = PANEL / LANES;
 ///
 /// AVX2, FMA and BMI1, and operands as long as `input_gradient` checks.
 #[target_feature(enable = "avx2,fma,bmi1")]
-pub(super) unsafe fn conv_input_gradient(
+pub(crate) unsafe fn conv_input_gradient(
     sample: &SampleGradient<'_>,
     transposed: &[f32],
     d_input: &mut [f32],
@@ -357,7 +357,7 @@ pub(super) unsafe fn conv_input_gradient(
 ///
 /// AVX2, FMA and BMI1, and operands as long as `add_weight_gradient` checks.
 #[target_feature(enable = "avx2,fma,bmi1")]
-pub(super) unsafe fn conv_weight_gradient(
+pub(crate) unsafe fn conv_weight_gradient(
     sample: &SampleGradient<'_>,
     sums: &mut [f32],
     gradient: &mut [f32],

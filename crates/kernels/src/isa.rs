@@ -7,10 +7,10 @@ use std::sync::OnceLock;
 /// The value is proof of that: outside this module it can only be had from [`detect`](Self::detect) and
 /// [`available`](Self::available), which ask the processor. The build stays portable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Isa(pub(super) Level);
+pub struct Isa(pub(crate) Level);
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Level {
+pub(crate) enum Level {
     Avx512,
     Avx2,
     Plain,

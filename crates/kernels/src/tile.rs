@@ -5,18 +5,18 @@
 /// 64 rows in tiles of at most 14 are 13 + 13 + 13 + 13 + 12, not 14 + 14 + 14 + 14 + 8: a small tile leaves the
 /// multiply-add units waiting for loads.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Tiles {
+pub(crate) struct Tiles {
     /// Rows of the smaller tiles.
-    pub(super) small: usize,
+    pub(crate) small: usize,
     /// Number of tiles with one row more; they come first.
-    pub(super) n_large: usize,
+    pub(crate) n_large: usize,
     /// Number of tiles.
-    pub(super) count: usize,
+    pub(crate) count: usize,
 }
 
 impl Tiles {
     /// Splits `rows` > 0.
-    pub(super) fn new(rows: usize, largest: usize) -> Self {
+    pub(crate) fn new(rows: usize, largest: usize) -> Self {
         let count = rows.div_ceil(largest);
         Self { small: rows / count, n_large: rows % count, count }
     }

@@ -1,9 +1,10 @@
 //! Memory that is needed soon.
 
-use super::blocked::BLOCK;
+use crate::blocked::BLOCK;
 
 /// Asks for values to be brought into the first-level cache; it has no other effect, and none on other processors.
-pub(crate) fn prefetch(values: &[f32]) {
+#[inline]
+pub fn prefetch(values: &[f32]) {
     #[cfg(target_arch = "x86_64")]
     for line in values.chunks(BLOCK) {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};

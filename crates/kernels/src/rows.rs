@@ -14,9 +14,9 @@
 //! One output is summed in the order of k whatever the tile it falls in, so a row's bits do not depend on its
 //! neighbours.
 
-use super::Isa;
-use super::isa::Level;
-use super::tile::Tiles;
+use crate::Isa;
+use crate::isa::Level;
+use crate::tile::Tiles;
 
 /// Columns of a panel: two registers of 16 floats.
 pub const PANEL: usize = 32;
@@ -109,12 +109,12 @@ pub fn rows_times_panel<const ROW: usize>(
         // SAFETY: an `Isa` exists only where the processor has it; the lengths are checked above.
         #[cfg(target_arch = "x86_64")]
         Level::Avx512 => unsafe {
-            super::avx512::rows::<ROW>(Tiles::new(rows, 14), &a, panel, start, finish, &mut out);
+            crate::avx512::rows::<ROW>(Tiles::new(rows, 14), &a, panel, start, finish, &mut out);
         },
         // SAFETY: as above.
         #[cfg(target_arch = "x86_64")]
         Level::Avx2 => unsafe {
-            super::avx2::rows::<ROW>(Tiles::new(rows, 6), &a, panel, start, finish, &mut out);
+            crate::avx2::rows::<ROW>(Tiles::new(rows, 6), &a, panel, start, finish, &mut out);
         },
         _ => plain::<ROW>(rows, a, panel, start, finish, &mut out),
     }

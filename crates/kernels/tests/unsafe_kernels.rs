@@ -6,7 +6,7 @@
 
 use std::io::Write as _;
 
-use jostle_policy::kernels::{
+use jostle_kernels::{
     AdamStep, AlignedVec, Chunks, Count, Finish, Forward, Grid, HALF, Isa, Linear, PANEL, SampleForward,
     SampleGradient, SampleMasks, Start, Steps, Strips, adam_step, outer_products, rows_times_panel,
 };

@@ -3,11 +3,11 @@
 //! Heads have 1, 2 or M outputs. Their parameters stay in canonical order (one row of weights for each output), and a
 //! padded copy is made once per step; it is so small that the zeros cost nothing.
 
-use super::Isa;
-use super::aligned::AlignedVec;
-use super::blocked::Chunks;
-use super::linear::{Forward, Linear};
-use super::rows::{Finish, Grid, PANEL};
+use crate::Isa;
+use crate::aligned::AlignedVec;
+use crate::blocked::Chunks;
+use crate::linear::{Forward, Linear};
+use crate::rows::{Finish, Grid, PANEL};
 
 /// A narrow layer and its padded weights.
 #[derive(Debug, Clone)]
