@@ -6,6 +6,7 @@ pub trait Pieces: Sized + Send {
     type Piece;
 
     /// Cuts off what lies behind the first `pieces` pieces.
+    #[must_use]
     fn split_off(&mut self, pieces: usize) -> Self;
 
     /// The first piece.
