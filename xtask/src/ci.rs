@@ -23,7 +23,7 @@ use crate::{browser, cluster, output, python};
 #[command(
     after_help = "Examples:\n  cargo xtask ci\n  cargo xtask ci --keep-going\n  cargo xtask ci --python\n  \
     cargo xtask ci --web --book\n\n\
-    Without --web, --book, --slurm and --python: format, lints, documentation, tests, doctests, book. With them: these checks alone."
+    Without --web, --book, --slurm and --python: format, lints, documentation, tests, doctests, sets of features, book. With them: these checks alone."
 )]
 #[expect(clippy::struct_excessive_bools, reason = "each is a flag of the command line")]
 pub(crate) struct CiArgs {
@@ -109,6 +109,15 @@ const STEPS: [Step; 5] = [
     Step { name: "doctests", arguments: &["test", "--release", "--workspace", "--doc"], environment: &[] },
 ];
 
+/// What other workspaces may leave out of the published crates: each feature of `jostle-sim` without the others, and none. The rest of
+/// the steps build the default ones, and `learned` of `jostle-peds`.
+const FEATURE_SETS: [&[&str]; 4] = [
+    &["-p", "jostle-sim", "-p", "jostle-peds"],
+    &["-p", "jostle-sim", "--features", "toml"],
+    &["-p", "jostle-sim", "--features", "yaml"],
+    &["-p", "jostle-sim", "--features", "png"],
+];
+
 /// Runs all steps in order; stops at the first that fails unless told to go on.
 pub(crate) fn run(args: &CiArgs) -> Result<ExitCode> {
     let mut lines = Vec::new();
@@ -154,6 +163,7 @@ fn checks(args: &CiArgs) -> Vec<Check<'static>> {
     }
     if checks.is_empty() {
         checks.extend(STEPS.iter().map(|step| -> Check { (step.name, Box::new(|| run_step(step))) }));
+        checks.push(("features", Box::new(check_feature_sets)));
         checks.push(("book", Box::new(|| Ok(build_book_if_possible()))));
     }
     checks
@@ -192,12 +202,28 @@ fn build_book(mdbook: &Path) -> Result<()> {
 }
 
 fn run_step(step: &Step) -> Result<Verdict> {
+    cargo(step.name, step.arguments, step.environment).map(Verdict::of)
+}
+
+fn check_feature_sets() -> Result<Verdict> {
+    let check = ["check", "--release", "--quiet", "--no-default-features"];
+    for set in FEATURE_SETS {
+        if !cargo("features", &[&check[..], set].concat(), &[])? {
+            output::note(&format!("features: cargo {} {}", check.join(" "), set.join(" ")));
+            return Ok(Verdict::Failed);
+        }
+    }
+    Ok(Verdict::Passed)
+}
+
+/// Whether cargo succeeds in the workspace.
+fn cargo(step: &str, arguments: &[&str], environment: &[(&str, &str)]) -> Result<bool> {
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let status = Command::new(cargo)
-        .args(step.arguments)
-        .envs(step.environment.iter().copied())
+        .args(arguments)
+        .envs(environment.iter().copied())
         .current_dir(workspace())
         .status()
-        .with_context(|| format!("cannot start cargo for step {}", step.name))?;
-    Ok(Verdict::of(status.success()))
+        .with_context(|| format!("cannot start cargo for step {step}"))?;
+    Ok(status.success())
 }

@@ -100,6 +100,31 @@ fn what_may_be_left_out_is_optional() {
     }
 }
 
+/// Other projects depend on these. What they depend on in turn has to be published, too.
+#[test]
+fn published_crates_say_what_they_are() {
+    let manifests = manifests();
+    for name in ["sim", "peds", "policy", "kernels"] {
+        let package = &manifests[name]["package"];
+        let says = |key: &str| package.get(key).unwrap_or_else(|| panic!("{name} does not say its {key}"));
+        assert_eq!(says("publish").as_bool(), Some(true), "{name}");
+        for key in ["description", "license", "repository", "documentation", "readme"] {
+            says(key);
+        }
+        for (key, most) in [("keywords", 5), ("categories", 5)] {
+            let words = says(key).as_array().unwrap_or_else(|| panic!("{key} of {name}"));
+            assert!((1..=most).contains(&words.len()), "{name} has {} {key}", words.len());
+        }
+        for file in ["README.md", "LICENSE-MIT", "LICENSE-APACHE"] {
+            assert!(crate_folder(name).join(file).is_file(), "{name} has no {file}");
+        }
+        for other in dependencies(&manifests[name]).iter().filter_map(|other| other.strip_prefix("jostle-")) {
+            let is_published = manifests[other]["package"].get("publish").and_then(toml::Value::as_bool);
+            assert_eq!(is_published, Some(true), "{name} depends on {other}");
+        }
+    }
+}
+
 #[test]
 fn anyhow_is_for_commands_alone() {
     for (name, manifest) in manifests() {

@@ -5,7 +5,44 @@
 //!
 //! Architecture invariant: the pure models know neither the simulator nor a network; only the feature `learned` brings in
 //! `jostle-policy`.
+//!
+//! # Features
+//!
+//! `learned` (off by default): pedestrians driven by trained policies, `LearnedCrowd`.
+//!
+//! # Examples
+//!
+//! Two pedestrians that walk towards each other make way by ORCA.
+//!
+//! ```
+//! use std::sync::Arc;
+//!
+//! use jostle_peds::glam::Vec2;
+//! use jostle_peds::orca::{Obstacles, OrcaCrowd};
+//! use jostle_peds::{Crowd, CrowdsConfig, Motion, Pedestrian, RoomView};
+//!
+//! let config = CrowdsConfig::default();
+//! let mut crowd = OrcaCrowd::new(&config.orca, config.visibility.vo, 0.1, Arc::new(Obstacles::default()))?;
+//! let walker = |x: f32, y: f32| Pedestrian {
+//!     position: Vec2::new(x, y),
+//!     velocity: Vec2::new(-x.signum(), 0.0),
+//!     heading: 0.0,
+//!     goal: Vec2::new(-x, y),
+//! };
+//! let room = RoomView {
+//!     pedestrians: &[walker(-2.0, 0.0), walker(2.0, 0.1)],
+//!     others: &[],
+//!     observations: &[],
+//!     speed_factor: &[],
+//! };
+//! let mut motions = [Motion::STILL; 2];
+//! crowd.decide(&[room], &mut motions)?;
+//! let Motion::Walk { velocity } = motions[0] else { unreachable!("ORCA walks") };
+//! assert!(velocity.x > 0.5 && velocity.y < 0.0, "it goes on, to the right of the other");
+//! # Ok::<(), jostle_peds::PedsError>(())
+//! ```
 
+#![cfg_attr(docsrs, feature(doc_cfg))]
 #![forbid(unsafe_code)]
 
 mod config;
@@ -18,6 +55,13 @@ pub mod orca;
 pub mod social_force;
 pub mod validation;
 mod visibility;
+
+// Vectors of the interface.
+pub use glam;
+// Generators of the interface.
+#[cfg(feature = "learned")]
+pub use jostle_policy as policy;
+pub use rand;
 
 pub use config::{CrowdsConfig, LearnedConfig};
 pub use crowd::{Crowd, Motion, Pedestrian, RoomView};

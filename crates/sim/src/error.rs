@@ -7,6 +7,7 @@ const FOUND_MAX: usize = 200;
 
 /// Why a simulator could not be built, restored or given a map.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum SimError {
     /// A configuration or state field holds a value that cannot work.
     #[error("{field}: found {found}, expected {expected}")]
@@ -30,6 +31,17 @@ pub enum SimError {
         /// What would have been accepted.
         expected: String,
     },
+    /// A map file is of a kind that this build does not read: a cargo feature is off.
+    #[error(
+        "{}: format: found one that this build does not read, expected a build of jostle-sim with the feature `{feature}`",
+        path.display()
+    )]
+    Feature {
+        /// The file.
+        path: PathBuf,
+        /// The feature that is needed.
+        feature: &'static str,
+    },
 }
 
 impl SimError {
@@ -51,6 +63,14 @@ impl SimError {
     ) -> Self {
         let (field, expected) = (one_line(&field.into()), expected.into());
         Self::File { path: path.to_path_buf(), field, found: one_line(&found.to_string()), expected }
+    }
+}
+
+#[cfg(not(all(feature = "png", feature = "toml", feature = "yaml")))]
+impl SimError {
+    /// A [`SimError::Feature`].
+    pub(crate) fn feature(path: &Path, feature: &'static str) -> Self {
+        Self::Feature { path: path.to_path_buf(), feature }
     }
 }
 

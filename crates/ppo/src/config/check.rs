@@ -119,7 +119,7 @@ fn share(field: &str, value: f64) -> Result<(), PpoError> {
 fn in_section(section: &str, error: SimError) -> PpoError {
     match error {
         SimError::Field { field, found, expected } => refuse(format!("{section}.{field}"), found, expected),
-        other @ SimError::File { .. } => PpoError::Sim(other),
+        other => PpoError::Sim(other),
     }
 }
 

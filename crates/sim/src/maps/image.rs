@@ -1,9 +1,9 @@
-//! Images of occupancy grids: PGM and PPM (`P2`, `P3`, `P5`, `P6`) by a reader of our own, PNG through the crate `png`.
+//! Images of occupancy grids: PGM and PPM (`P2`, `P3`, `P5`, `P6`) by a reader of our own, PNG through the crate `png` (feature
+//! `png`).
 //! Every depth that these formats have is read in full; nothing is rounded to 8 bits.
 
 use super::read;
 use crate::error::SimError;
-use std::io::Cursor;
 use std::path::Path;
 
 /// Most cells along either side.
@@ -33,7 +33,10 @@ pub(super) fn load(path: &Path, about: impl Fn(Pixel) -> bool) -> Result<Cells, 
             let samples = if matches!(kind, b'3' | b'6') { 3 } else { 1 };
             Pnm { path, bytes: &bytes, at: 2 }.image(samples, *kind >= b'5', &about)
         }
+        #[cfg(feature = "png")]
         Some([0x89, b'P']) => png_image(path, &bytes, &about),
+        #[cfg(not(feature = "png"))]
+        Some([0x89, b'P']) => Err(SimError::feature(path, "png")),
         _ => {
             let expected = "a PGM (P2, P5), PPM (P3, P6) or PNG image";
             Err(SimError::file(path, "first bytes", "something else", expected))
@@ -183,9 +186,10 @@ impl Pnm<'_> {
     }
 }
 
+#[cfg(feature = "png")]
 fn png_image(path: &Path, bytes: &[u8], about: &impl Fn(Pixel) -> bool) -> Result<Cells, SimError> {
     let refused = |error: png::DecodingError| SimError::file(path, "PNG", error, "a valid PNG image");
-    let mut decoder = png::Decoder::new(Cursor::new(bytes));
+    let mut decoder = png::Decoder::new(std::io::Cursor::new(bytes));
     // Palettes become colours, a transparent colour becomes opacity, and less than 8 bits become 8.
     decoder.set_transformations(png::Transformations::EXPAND);
     let mut reader = decoder.read_info().map_err(refused)?;

@@ -1,15 +1,19 @@
 //! Maps: polygon files and ROS occupancy grids, turned into walls and obstacles.
 //!
-//! Every refusal is one [`SimError::File`] that names the file, the field, what was found and what was expected. Sizes are
-//! capped before anything of that size is allocated.
+//! A refusal names the file, the field, what was found and what was expected. Sizes are capped before anything of that size
+//! is allocated. A format whose feature is off is refused by [`SimError::Feature`].
 
+#[cfg(feature = "yaml")]
 mod contour;
+#[cfg(feature = "yaml")]
 mod grid;
+#[cfg(feature = "yaml")]
 mod image;
 mod polygon;
+#[cfg(feature = "yaml")]
 mod yaml;
 
-use crate::error::{SimError, one_line};
+use crate::error::SimError;
 use crate::scenario::Scenario;
 use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
@@ -19,16 +23,22 @@ use std::path::Path;
 /// Largest map file that is read, bytes.
 const FILE_MAX: u64 = 64 << 20;
 
-/// Reads a map: `.toml` or `.json` for polygons, `.yaml` or `.yml` for a ROS map.
+/// Reads a map: `.toml` (feature `toml`) or `.json` for polygons, `.yaml` or `.yml` (feature `yaml`) for a ROS map.
 ///
 /// # Errors
 ///
-/// When the file cannot be read, is no such map, or holds a shape that the world refuses.
+/// When the file cannot be read, is no such map, or holds a shape that the world refuses; a format whose feature is off.
 pub fn load(path: &Path) -> Result<Scenario, SimError> {
     let scenario = match path.extension().and_then(|e| e.to_str()) {
+        #[cfg(feature = "toml")]
         Some("toml") => polygon::from_toml(path)?,
+        #[cfg(not(feature = "toml"))]
+        Some("toml") => return Err(SimError::feature(path, "toml")),
         Some("json") => polygon::from_json(path)?,
+        #[cfg(feature = "yaml")]
         Some("yaml" | "yml") => grid::load(path)?,
+        #[cfg(not(feature = "yaml"))]
+        Some("yaml" | "yml") => return Err(SimError::feature(path, "yaml")),
         other => {
             let found = other.unwrap_or("none");
             return Err(SimError::file(path, "extension", found, "toml, json, yaml or yml"));
@@ -37,7 +47,7 @@ pub fn load(path: &Path) -> Result<Scenario, SimError> {
     // A shape that the world would refuse is refused here, where the file is known.
     scenario.build().map_err(|error| match error {
         SimError::Field { field, found, expected } => SimError::file(path, field, found, expected),
-        other @ SimError::File { .. } => other,
+        other => other,
     })?;
     Ok(scenario)
 }
@@ -52,9 +62,15 @@ pub fn notes(path: &Path) -> Result<Vec<String>, SimError> {
     if !is_grid(path) {
         return Ok(Vec::new());
     }
-    let ignored = grid::ignored(path)?;
-    let note = || format!("{}: not read: {}", path.display(), one_line(&ignored.join(", ")));
-    Ok((!ignored.is_empty()).then(note).into_iter().collect())
+    #[cfg(not(feature = "yaml"))]
+    return Err(SimError::feature(path, "yaml"));
+    #[cfg(feature = "yaml")]
+    {
+        let ignored = grid::ignored(path)?;
+        let ignored_keys = crate::error::one_line(&ignored.join(", "));
+        let note = || format!("{}: not read: {ignored_keys}", path.display());
+        Ok((!ignored.is_empty()).then(note).into_iter().collect())
+    }
 }
 
 /// SHA-256 of a map's content, in hexadecimal: of the file's bytes; of a `map.yaml`, of the hexadecimal hashes of the file and
@@ -68,6 +84,9 @@ pub fn sha256(path: &Path) -> Result<String, SimError> {
     if !is_grid(path) {
         return Ok(file);
     }
+    #[cfg(not(feature = "yaml"))]
+    return Err(SimError::feature(path, "yaml"));
+    #[cfg(feature = "yaml")]
     Ok(hex_sha256((file + &hex_sha256(&read(&grid::image_of(path)?)?)).as_bytes()))
 }
 

@@ -56,6 +56,7 @@ enum ObstacleEntry {
     },
 }
 
+#[cfg(feature = "toml")]
 pub(super) fn from_toml(path: &Path) -> Result<Scenario, SimError> {
     let parsed = toml::from_str::<MapFile>(&read_text(path)?);
     scenario(path, parsed.map_err(|error| without_picture(&error.to_string())))
