@@ -49,7 +49,7 @@ pub struct CrowdsConfig {
     pub orca: OrcaConfig,
     /// Crowd SF.
     pub social_force: SocialForceConfig,
-    /// Who sees whom.
+    /// The matrix of who sees whom.
     pub visibility: VisibilityMatrix,
     /// Validation crowds `straight` and `stop-and-go`. Left out of the written form at its default, so that the hashes of settings
     /// from before it are what they were.

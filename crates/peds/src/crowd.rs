@@ -41,7 +41,7 @@ pub struct Pedestrian {
     pub goal: Vec2,
 }
 
-/// What a crowd may know of one room at one step.
+/// The part of a room at one step that a crowd may know.
 #[derive(Debug, Clone, Copy)]
 pub struct RoomView<'a> {
     /// The pedestrians that the crowd decides for.
@@ -77,13 +77,13 @@ impl RoomView<'_> {
 
 /// A crowd: decides the motions of the pedestrians of many rooms at once, so that learned crowds infer in batches.
 ///
-/// A decision is a function of the views alone: a crowd keeps no state between calls but scratch memory,
+/// A decision is a function of the views only: a crowd keeps no state between calls but scratch memory,
 /// so that a run can be resumed and rooms can be regrouped without changing a bit.
 pub trait Crowd: Send {
     /// Its name: for a crowd of one's own [`CrowdKind::own`], which no built-in crowd shares.
     fn kind(&self) -> CrowdKind;
 
-    /// Whether `decide` needs the rooms' observations.
+    /// True if `decide` needs the rooms' observations.
     fn senses_by_laser(&self) -> bool;
 
     /// Visibility of a crowd of one's own: each other and not the robot, unless overridden. The built-in crowds have rows in

@@ -1,4 +1,4 @@
-//! What can be wrong with the input of a crowd model.
+//! The errors in the input of a crowd model.
 
 /// Error of this crate: every variant names what was found and what was expected.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -6,7 +6,7 @@ pub enum PedsError {
     /// A number of the input is NaN, infinite or too large for single precision to square twice.
     #[error("{what} is ({x}, {y}); expected finite components of magnitude at most {limit:e}")]
     Coordinates {
-        /// Which vector.
+        /// Name of the vector.
         what: &'static str,
         /// Its first component.
         x: f64,
@@ -46,7 +46,7 @@ pub enum PedsError {
     /// Two lists that belong together differ in length.
     #[error("{what} has {found} entries; expected {expected}")]
     Length {
-        /// Which list.
+        /// Name of the list.
         what: &'static str,
         /// Its length.
         found: usize,

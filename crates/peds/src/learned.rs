@@ -1,7 +1,7 @@
 //! Crowds NH, IN, VA, SO and cross-play: pedestrians that sense by laser and are driven by trained policies (feature `learned`).
 //!
-//! What makes them differ lies outside: which policies are in the pool (SO: half-trained ones; cross-play: any), whether the robot is in the
-//! scans (`visibility`), and the speed factors (VA).
+//! They differ in what they are given: the policies of the pool (SO: half-trained ones; cross-play: any), the scans, with or without
+//! the robot (`visibility`), and the speed factors (VA).
 
 use jostle_policy::{Backend, Batch, Network, NetworkConfig, PolicyFile, actor};
 use rayon::prelude::*;

@@ -1,7 +1,7 @@
 //! Crowds by which settings are chosen: walkers who ignore everyone. They are not of the paper and in none of its tables.
 //!
 //! A straight walker goes towards its goal at a speed of its own and steers around nothing. A stop-and-go walker does the same,
-//! walking and standing in turns. Neither sees the robot or anyone else, so that avoiding a collision is the robot's affair alone.
+//! walking and standing in turns. Neither sees the robot or anyone else, so that only the robot avoids collisions.
 //!
 //! Two of them that meet do not pass through each other: as everywhere, a body that would push into another keeps its pose. It
 //! then counts as crashed, and the room puts it elsewhere with a new goal (`jostle_eval::room`). Rejected: letting them wait for each
@@ -37,7 +37,7 @@ impl Default for WalkersConfig {
 }
 
 impl WalkersConfig {
-    /// Whether everything is at its default, so that a configuration leaves it out.
+    /// True if everything is at its default, so that a configuration leaves it out.
     pub(crate) fn is_default(&self) -> bool {
         *self == Self::default()
     }
@@ -69,8 +69,8 @@ fn draw([low, high]: [f32; 2], rng: &mut impl Rng) -> f32 {
     Uniform::new_inclusive(low, high).expect("a validated range").sample(rng)
 }
 
-/// Whether a stop-and-go walker walks or stands, and for how many steps more. It depends on its draws only, never on what happens
-/// to the walker.
+/// The phase of a stop-and-go walker, walking or standing, and the number of steps that are left of it. It depends on its draws
+/// only, never on what happens to the walker.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Gait {
     walks: bool,
@@ -95,7 +95,7 @@ impl Gait {
         }
     }
 
-    /// Whether it walks during the next control period.
+    /// True if it walks during the next control period.
     pub fn walks(&self) -> bool {
         self.walks
     }
@@ -111,8 +111,8 @@ fn n_steps(time: f32, dt: f32) -> u32 {
     ((time / dt).round() as u32).max(1)
 }
 
-/// Crowds `straight` and `stop-and-go`: each pedestrian walks straight to its goal at 1 m/s times its factor. What makes them
-/// differ is the factor, which the room sets to 0 while a stop-and-go walker stands.
+/// Crowds `straight` and `stop-and-go`: each pedestrian walks straight to its goal at 1 m/s times its factor. They
+/// differ in the factor, which the room sets to 0 while a stop-and-go walker stands.
 #[derive(Debug, Clone, Copy)]
 pub struct WalkersCrowd {
     kind: CrowdKind,

@@ -1,10 +1,10 @@
-//! Who sees whom: the paper contradicts itself on which crowds react to the robot, so it is a matrix in the config.
+//! The matrix of who sees whom: the paper contradicts itself on which crowds react to the robot, so the configuration says it.
 
 use serde::{Deserialize, Serialize};
 
 use crate::CrowdKind;
 
-/// What the pedestrians of one crowd see.
+/// The bodies that the pedestrians of one crowd see.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Visibility {
@@ -17,7 +17,7 @@ pub struct Visibility {
 impl Visibility {
     /// Pedestrians and robot.
     pub const ALL: Self = Self { pedestrians: true, robot: true };
-    /// Pedestrians alone.
+    /// Pedestrians only.
     pub const PEDESTRIANS: Self = Self { pedestrians: true, robot: false };
     /// Nobody.
     pub const NONE: Self = Self { pedestrians: false, robot: false };

@@ -1,4 +1,4 @@
-//! What must hold for ORCA in any scene: symmetries, separation, finite answers, the same bits on any number of threads.
+//! Properties of ORCA in any scene: symmetries, separation, finite answers, the same bits on any number of threads.
 
 use std::sync::Arc;
 
@@ -184,7 +184,7 @@ fn walk(simulator: &mut OrcaSimulator, goals: &[Vec2], steps: usize) -> f32 {
 
 #[test]
 fn a_circle_swaps_without_overlap() {
-    // With a horizon of 5 s, ten and more settle in a ring around the centre (RVO2 does the same): separation alone is asked.
+    // With a horizon of 5 s, ten and more settle in a ring around the centre (RVO2 does the same): only separation is asked.
     for (n, arrive) in [(2, true), (5, true), (8, true), (12, false), (25, false)] {
         // A small twist: exactly opposite agents would stop in front of each other, as RVO2's do.
         let start = |i: usize| 6.0 * Vec2::from_angle(i as f32 * std::f32::consts::TAU / n as f32);

@@ -1,4 +1,4 @@
-//! What must hold for social forces in any scene: symmetries, limits, order.
+//! Properties of social forces in any scene: symmetries, limits, order.
 
 use glam::{DVec2, Vec2};
 use jostle_peds::social_force::{Border, SocialForce, SocialForceConfig, Variant, Walker};
@@ -26,7 +26,7 @@ fn model(variant: Variant) -> SocialForce {
     SocialForce::new(&SocialForceConfig { variant, ..SocialForceConfig::default() }).unwrap()
 }
 
-/// Whether no pair is at the edge of a view or near b = 0, where rounding decides or is enlarged.
+/// True if no pair is at the edge of a view or near b = 0, where rounding decides or is enlarged.
 fn is_regular(model: &SocialForce, walkers: &[Walker]) -> bool {
     let cos_half_view = 100_f64.to_radians().cos();
     walkers.iter().enumerate().all(|(a, walker)| {
@@ -197,7 +197,7 @@ fn through_the_gap(variant: Variant) -> (Option<usize>, f64) {
     (None, nearest)
 }
 
-/// Pedestrians of this model are points, kept apart by their repulsion alone; what keeps bodies apart in a room is the
+/// Pedestrians of this model are points, kept apart only by their repulsion; what keeps bodies apart in a room is the
 /// room. With others' steps foreseen for 2 s the gap clogs: everyone aims at one point, and each recoils from where all
 /// others would be in two seconds. The default variant lets a few through and then jams, which is the model's and not the
 /// code's (the forces are the fixtures'); with 0.4 s all twenty pass.

@@ -1,8 +1,8 @@
-//! Where a room's free area ends: all walls and obstacles as one area, whatever pieces it was given in.
+//! The boundary of a room's free area: all walls and obstacles as one area, whatever pieces it was given in.
 //!
 //! Crowd models that know walls count what they are given: two boxes that make one wall would repel twice, and a rasterised
 //! wall has a box for every row of cells. So they are given lines between free and solid, in which no trace of the pieces is
-//! left. Two pieces nearer to each other than twice [`GAP`] touch; rounding alone parts what was drawn in one.
+//! left. Two pieces nearer to each other than twice [`GAP`] touch: only rounding parts what was drawn in one.
 //!
 //! The world and its laser keep the pieces: nothing of this changes what a body meets or a beam sees.
 
@@ -13,11 +13,11 @@ use i_overlay::core::fill_rule::FillRule;
 use i_overlay::core::overlay_rule::OverlayRule;
 use i_overlay::float::single::SingleFloatOverlay;
 
-/// Corners of the polygon that stands for a disc.
+/// Corners of the polygon that replaces a disc.
 const DISC_CORNERS: u32 = 16;
-/// How far pieces are widened before they are united, m; the lines go back by as much.
+/// Width by which pieces grow before they are united, m; the lines go back by as much.
 const GAP: f64 = 1e-4;
-/// Half of the thickness of a segment that touches something, m; one that stands alone has none.
+/// Half of the thickness of a segment that touches something, m; one that touches nothing has none.
 const HALF_THICKNESS: f64 = 1e-3;
 /// Free areas below this, m², are left out: nobody fits in.
 const POCKET: f64 = 0.04;
@@ -97,7 +97,7 @@ fn thick(a: DVec2, b: DVec2) -> Ring {
     vec![a - along - across, b + along - across, b + along + across, a - along + across]
 }
 
-/// Whether the edges of two outlines come nearer to each other than `limit`.
+/// True if the edges of two outlines come nearer to each other than `limit`, m.
 fn gap_below(a: &Ring, b: &Ring, limit: f64) -> bool {
     let bounds = |ring: &Ring| {
         ring.iter()

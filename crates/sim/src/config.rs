@@ -24,17 +24,17 @@ pub const OBSERVATION_LEN: usize = FRAMES * 512 + EXTRAS;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SimConfig {
-    /// Where the robots live.
+    /// The room.
     pub room: RoomConfig,
     /// Body, commands and limits of a robot.
     pub robot: RobotConfig,
     /// The laser scanner.
     pub laser: LaserConfig,
-    /// When an episode ends.
+    /// The ends of an episode.
     pub episode: EpisodeConfig,
-    /// Where robots and goals appear.
+    /// Starts and goals.
     pub spawn: SpawnConfig,
-    /// What a step is worth.
+    /// The reward of a step.
     pub reward: RewardConfig,
 }
 
@@ -57,7 +57,7 @@ impl SimConfig {
     }
 }
 
-/// Where the robots live: a rectangle centred on the origin, or a map file.
+/// The room: a rectangle centred on the origin, or a map file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RoomConfig {
@@ -156,7 +156,7 @@ pub struct LaserConfig {
     /// (lineage).
     #[serde(skip_serializing_if = "is_zero")]
     pub angle_min: f32,
-    /// Which code casts the beams.
+    /// The code that casts the beams.
     pub kernel: LaserKernel,
 }
 
@@ -174,7 +174,7 @@ impl Default for LaserConfig {
 }
 
 impl LaserConfig {
-    /// Whether the beams go all round.
+    /// True if the beams go all round.
     pub fn is_full_circle(&self) -> bool {
         is_full_circle(&self.fov)
     }
@@ -198,12 +198,12 @@ impl LaserConfig {
         (0..self.beams).map(|beam| self.beam_angle(beam))
     }
 
-    /// Whether the beams of another laser point to the same angles, if they are as many.
+    /// True if the beams of another laser point to the same angles, given the same number of beams.
     pub fn points_as(&self, other: &Self) -> bool {
         (self.fov, self.angle_min) == (other.fov, other.angle_min)
     }
 
-    /// Where the beams point, in words for a message: `all round from 0 rad`, `3.1 rad from -1.55 rad`.
+    /// The angle of view in words, for a message: `all round from 0 rad`, `3.1 rad from -1.55 rad`.
     pub fn view(&self) -> String {
         let from = self.angle_min;
         if self.is_full_circle() {
@@ -213,19 +213,19 @@ impl LaserConfig {
     }
 }
 
-/// Whether an angle of view is the default, which is left out of what is stored.
+/// True if an angle of view is the default, which is left out of stored configurations.
 #[allow(clippy::trivially_copy_pass_by_ref, reason = "serde hands over a reference")]
 fn is_full_circle(fov: &f32) -> bool {
     *fov == std::f32::consts::TAU
 }
 
-/// Whether an angle is the default, which is left out of what is stored.
+/// True if an angle is the default, which is left out of stored configurations.
 #[allow(clippy::trivially_copy_pass_by_ref, reason = "serde hands over a reference")]
 fn is_zero(angle: &f32) -> bool {
     *angle == 0.0
 }
 
-/// How beams are cast. Both give the same ranges within 1e-4 m.
+/// The code that casts beams. Both give the same ranges within 1e-4 m.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum LaserKernel {
@@ -236,7 +236,7 @@ pub enum LaserKernel {
     Parry,
 }
 
-/// When an episode ends.
+/// The ends of an episode.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct EpisodeConfig {
@@ -257,7 +257,7 @@ impl Default for EpisodeConfig {
     }
 }
 
-/// Where robots and goals appear.
+/// Starts and goals.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SpawnConfig {
@@ -275,7 +275,7 @@ impl Default for SpawnConfig {
     }
 }
 
-/// What a step is worth.
+/// The reward of a step.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RewardConfig {
@@ -317,7 +317,7 @@ pub struct SafetyZoneConfig {
     pub ego_weight: f32,
     /// Radius of a standing body's social zone, m.
     pub social_radius: f32,
-    /// How far ahead a moving body's zone stretches, s.
+    /// Time by which a moving body's zone stretches ahead, s.
     pub social_horizon: f32,
     /// Weight of the social term `w_s`, per unit of overlap and step.
     pub social_weight: f32,

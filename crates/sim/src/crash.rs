@@ -1,4 +1,4 @@
-//! When an episode ends as a crash: something is too near, or the body was stopped by what no range can show.
+//! The crash rule: something is too near, or the body was stopped by something that no range shows.
 //!
 //! The rule of the paper's lineage is the scan's: the least noise-free range falls below the crash range. A body stops one
 //! step before it would touch something, and for the usual body every such stop is nearer than the crash range. A body
@@ -43,7 +43,7 @@ impl CrashRule {
         Self { range: config.episode.crash_range, bodies_touch: reach > seen_up_to }
     }
 
-    /// Whether a stop at another body is a crash of both.
+    /// True if a stop at another body is a crash of both.
     pub fn bodies_touch(&self) -> bool {
         self.bodies_touch
     }

@@ -1,8 +1,9 @@
-//! How a step of an episode can end. Truncated and terminated are told apart by type: a time limit is not an outcome.
+//! The result of a step, and the ends of an episode. Truncated and terminated are different variants: after a time limit the
+//! value of the last state counts, after an outcome it is 0.
 
 use serde::{Deserialize, Serialize};
 
-/// Why an episode terminated.
+/// The reason for which an episode terminated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
@@ -14,7 +15,7 @@ pub enum Outcome {
     CollisionAgent,
 }
 
-/// What became of an episode in one step.
+/// The state of an episode after one step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StepEnd {
@@ -28,7 +29,7 @@ pub enum StepEnd {
 }
 
 impl StepEnd {
-    /// Whether the episode goes on.
+    /// True if the episode goes on.
     pub fn is_running(self) -> bool {
         self == Self::Running
     }

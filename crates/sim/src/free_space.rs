@@ -19,7 +19,7 @@ const CELLS_MAX: f64 = (1_u32 << 21) as f64;
 /// The region of a cell in which the body cannot be.
 const SOLID: u32 = u32::MAX;
 
-/// What the places of a room have to keep.
+/// The distances that a place of a room has to keep.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Demands {
     /// Radius at which the body gets about, m: of its outline or of the crash rule, whichever is larger.
@@ -133,7 +133,7 @@ impl FreeSpace {
         (self.places.len() as f64 * self.grid.cell.x * self.grid.cell.y) as f32
     }
 
-    /// Whether bodies that each keep others `clearance` away from their centres leave a place free wherever they are.
+    /// True if bodies that each keep others `clearance` away from their centres leave a place free wherever they are.
     pub(crate) fn holds(&self, n_others: usize, clearance: f32) -> bool {
         // A disc of this radius covers the whole of every cell whose centre is within the clearance.
         let radius = f64::from(clearance) + self.half_diagonal();
@@ -141,12 +141,12 @@ impl FreeSpace {
         covered < self.places.len() as f64 * self.grid.cell.x * self.grid.cell.y
     }
 
-    /// Whether some start exists at all.
+    /// True if there is a start at all.
     pub(crate) fn has_places(&self) -> bool {
         !self.places.is_empty()
     }
 
-    /// Whether a cell keeps the wall clearance; `None` where that has to be measured at the point itself.
+    /// True if a cell keeps the wall clearance; `None` if that has to be measured at the point itself.
     pub(crate) fn is_clear(&self, point: Vec2) -> Option<bool> {
         let (wanted, slack) = (f64::from(self.demands.wall_clearance), self.slack());
         match f64::from(self.distances[self.grid.cell_of(point)]) {
@@ -175,7 +175,7 @@ impl FreeSpace {
         })
     }
 
-    /// Whether the body gets from one point to the other; points near to solid matter count to the nearest free cell.
+    /// True if the body gets from one point to the other; points near to solid matter count to the nearest free cell.
     pub(crate) fn connects(&self, a: Vec2, b: Vec2) -> bool {
         let region = |point: Vec2| {
             let own = self.regions[self.grid.cell_of(point)];
@@ -198,7 +198,7 @@ impl FreeSpace {
         hull.iter().fold(hull[0], further)
     }
 
-    /// Whether some place of a region is a goal distance away from a point.
+    /// True if some place of a region is a goal distance away from a point.
     pub(crate) fn has_goal(&self, region: u32, point: Vec2) -> bool {
         self.farthest(region, point).distance_squared(point) >= self.demands.goal_distance.powi(2)
     }
@@ -222,7 +222,7 @@ impl FreeSpace {
         self.grid.cell.length() / 2.0
     }
 
-    /// How much a point's distance can differ from that of its cell's centre, with room for rounding.
+    /// Largest difference of a point's distance from that of its cell's centre, m, with room for rounding.
     fn slack(&self) -> f64 {
         self.half_diagonal() * 1.01 + 1e-3
     }

@@ -32,7 +32,7 @@ impl Pose {
         Vec2::new(along.dot(offset), along.perp_dot(offset))
     }
 
-    /// Whether all three numbers are finite.
+    /// True if all three numbers are finite.
     pub fn is_finite(&self) -> bool {
         self.position.is_finite() && self.heading.is_finite()
     }
@@ -172,7 +172,7 @@ fn validate_polygon(field: &str, vertices: &[Vec2]) -> Result<(), SimError> {
     if let Some(i) = (0..n).find(|i| sine(*i) < 1e-3 && edge(*i).dot(edge(i + 1)) < 0.0) {
         return refuse(format!("an outline that goes back on itself at vertex {}", (i + 1) % n), convex);
     }
-    // Left turns alone also make a star; the turning angles of a simple outline add up to one turn.
+    // Left turns only make a star, too; the turning angles of a simple outline add up to one turn.
     let angle = |i: usize| libm::atan2(edge(i).perp_dot(edge(i + 1)), edge(i).dot(edge(i + 1)));
     let total: f64 = (0..n).map(angle).sum();
     if (total - std::f64::consts::TAU).abs() > 1e-6 {

@@ -1,9 +1,9 @@
-//! Commands: what a body is told to do for one control period, and the robot's limits on it.
+//! Motions: the move that a body is told to make in one control period, and the robot's limits on it.
 
 use crate::config::{AccelerationLimits, RobotConfig};
 use glam::Vec2;
 
-/// What a body does during one control period.
+/// The motion of a body during one control period.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Motion {
     /// Stays where it is.

@@ -51,7 +51,7 @@ impl Observer {
         row[FRAMES * self.beams..].copy_from_slice(&[goal_in_robot.x, goal_in_robot.y, v, w]);
     }
 
-    /// How far the noise stream has been read, in words.
+    /// Position of the noise stream, in words.
     pub fn noise_position(&self) -> u64 {
         self.noise.position()
     }

@@ -1,5 +1,5 @@
-//! What changes in a training room every now and then: how many agents there are, and which
-//! obstacles stand between them.
+//! Changes of a training room every now and then: in its number of agents, and in the obstacles
+//! between them.
 //!
 //! Every `renew_steps` steps a room draws both from its own stream `training_crowd.room`; the first
 //! time comes earlier by a random part, so that rooms do not change together. Obstacles go and come
@@ -22,7 +22,7 @@ use serde::{Deserialize, Serialize};
 /// Places tried for one obstacle.
 const TRIES: u32 = 64;
 
-/// What all rooms with a training crowd have in common: how one is furnished.
+/// The common part of all rooms with a training crowd: the empty room, from which each is furnished.
 pub(crate) struct Plan {
     pub(crate) scenario: Scenario,
     /// The configuration as far as starts and goals go: with the clearances that the largest member
@@ -70,7 +70,7 @@ impl Plan {
     }
 }
 
-/// What is drawn for a room.
+/// The draws of a room.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Renewal {
     /// Agents 0 up to this are in the room, others leave it.

@@ -1,4 +1,4 @@
-//! What a step is worth (paper Sec. IV, the reward equation; `d_col` there is the goal radius).
+//! The reward of a step (paper Sec. IV, the reward equation; `d_col` there is the goal radius).
 
 use crate::config::{RewardConfig, SafetyZoneConfig};
 use crate::episode::Outcome;

@@ -1,7 +1,7 @@
 //! Named, seekable random streams: every draw of the workspace comes from one of these.
 //!
 //! One root seed gives one `ChaCha8` key; a stream's name and indices give its 64-bit stream id. Two streams of
-//! different ids never overlap, and a stream can be resumed from its word position alone.
+//! different ids never overlap, and a stream can be resumed from its word position.
 
 use rand_chacha::rand_core::SeedableRng;
 

@@ -44,7 +44,7 @@ pub(crate) struct Agent {
     pub(crate) observer: Observer,
     pub(crate) spawn: StreamRng,
     pub(crate) token: StreamRng,
-    /// What the agent is in its next episodes.
+    /// Draws of the agent's role in its next episodes.
     pub(crate) crowd: StreamRng,
 }
 
@@ -56,7 +56,7 @@ pub(crate) struct RoomBuffers<'a> {
     pub(crate) transitions: &'a mut [Transition],
 }
 
-/// Where a robot stands in its episode: for who looks on, no policy sees it.
+/// A robot's place in its episode: for onlookers, no policy sees it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Whereabouts {
     /// Its pose.
@@ -89,7 +89,7 @@ pub(crate) struct Room {
     /// Robots that begin an episode, or leave the room, in the present step.
     begins: Vec<bool>,
     ranges: Vec<f32>,
-    /// Where each robot stood when its last episode ended.
+    /// Each robot's place when its last episode ended.
     ends: Vec<Whereabouts>,
 }
 
@@ -184,7 +184,7 @@ impl Room {
         }
     }
 
-    /// How many agents there are to be in the room.
+    /// Number of agents that are to be in the room.
     fn n_present(&self) -> usize {
         self.renewal.as_ref().map_or(self.agents.len(), |renewal| renewal.n_present)
     }
@@ -280,7 +280,7 @@ impl Room {
         scan
     }
 
-    /// What a member of the training crowd has been stopped by for too long.
+    /// The crash of a member of the training crowd that has been stopped for too long.
     fn stopped(&self, agent: usize) -> Option<Outcome> {
         if self.traits[agent].stalled_steps < self.crowd.stall_limit {
             return None;
@@ -343,7 +343,7 @@ impl Room {
         }
     }
 
-    /// Whether a member of the crowd goes on to another goal: it has arrived, or has changed its mind.
+    /// True if a member of the crowd goes on to another goal: it has arrived, or has changed its mind.
     fn walks_on(&mut self, agent: usize, ended: Option<Outcome>) -> bool {
         let (crowd, rng) = (&self.crowd, &mut self.agents[agent].crowd);
         match ended {
@@ -409,13 +409,13 @@ impl Room {
         observer.write_motion(self.world.pose(agent), episode.goal, episode.velocity, row);
     }
 
-    /// Where a robot stands now.
+    /// A robot's place now.
     pub(crate) fn whereabouts(&self, agent: usize) -> Whereabouts {
         let (pose, goal) = (self.world.pose(agent), self.episodes[agent].goal);
         Whereabouts { pose, goal, clearance: self.world.body_clearance(agent) }
     }
 
-    /// Where a robot stood when its last episode ended.
+    /// A robot's place when its last episode ended.
     pub(crate) fn end(&self, agent: usize) -> Whereabouts {
         self.ends[agent]
     }

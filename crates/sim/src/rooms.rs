@@ -136,7 +136,7 @@ impl Rooms {
         })
     }
 
-    /// How many agents there are in all rooms: R·N.
+    /// Number of agents in all rooms: R·N.
     pub fn len(&self) -> usize {
         self.tokens.len()
     }
@@ -161,7 +161,7 @@ impl Rooms {
         &self.config
     }
 
-    /// What an agent is in its present episode.
+    /// Role of an agent in its present episode.
     pub fn role(&self, agent_idx: usize) -> Role {
         self.rooms[agent_idx / self.n_agents].traits[agent_idx % self.n_agents].role
     }
@@ -172,7 +172,7 @@ impl Rooms {
         self.rooms[agent_idx / self.n_agents].traits[agent_idx % self.n_agents].opponent
     }
 
-    /// What the policy acts on now; after an episode's end, the first observation of the new one.
+    /// The observations to act on next; after an episode's end, the first one of the new episode.
     pub fn observations(&self) -> &[f32] {
         &self.observations
     }
@@ -182,7 +182,7 @@ impl Rooms {
         &self.tokens
     }
 
-    /// What the last step gave every agent.
+    /// The results of the last step, one for each agent.
     pub fn transitions(&self) -> &[Transition] {
         &self.transitions
     }
@@ -201,7 +201,7 @@ impl Rooms {
         &self.finals[agent_idx * width..][..width]
     }
 
-    /// Where an agent stands, or stood when its episode ended in the last step.
+    /// Pose, goal and clearance of an agent: at the end of its episode if that ended in the last step, else now.
     ///
     /// # Panics
     ///
@@ -232,7 +232,7 @@ impl Rooms {
         self.all_mut().step(actions);
     }
 
-    /// Steps some of the rooms; `actions` are theirs alone.
+    /// Steps some of the rooms; `actions` are those of their agents only.
     ///
     /// # Panics
     ///

@@ -25,9 +25,9 @@ pub struct Scenario {
 /// The outline of an occupancy grid's free area: what `boundary` starts from.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TracedArea {
-    /// Closed lines in the world, m: clockwise around free areas, counter-clockwise around what stands in them.
+    /// Closed lines in the world, m: clockwise around free areas, counter-clockwise around the solid in them.
     pub rings: Vec<Vec<DVec2>>,
-    /// How many of the scenario's obstacles, the first ones, are the grid's own boxes and so within the rings already.
+    /// Number of the scenario's obstacles, from the first on, that are the grid's own boxes and so within the rings already.
     pub n_obstacles: usize,
 }
 

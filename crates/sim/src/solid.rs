@@ -7,7 +7,7 @@ use rapier2d::math::{Pose as ParryPose, Rotation};
 use rapier2d::parry::query::{distance, intersection_test};
 use rapier2d::prelude::{ColliderHandle, RigidBodyHandle, SharedShape};
 
-/// What the laser's closed forms need to know of a shape, in its own frame.
+/// The outline of a shape in its own frame, as the laser's closed forms use it.
 #[derive(Clone)]
 pub(crate) enum Outline {
     /// A disc.
@@ -80,7 +80,7 @@ impl Solid {
         }
     }
 
-    /// Whether two solids share a point; touching counts.
+    /// True if two solids share a point; touching counts.
     pub(crate) fn overlaps(&self, other: &Self) -> bool {
         let reach = self.circumradius + other.circumradius;
         if self.pose.position.distance_squared(other.pose.position) > reach * reach {

@@ -1,4 +1,4 @@
-//! Where robots and goals appear: uniform over those places of the room in which they can be.
+//! Starts and goals: uniform over the places of the room in which a body can be.
 //!
 //! A draw is a rejection first: points of the room until one holds, with a bound on the tries. Where the bound is reached,
 //! the cells of the enumerated free space are asked instead (`free_space`), from the same stream; so a draw never fails, and
@@ -42,7 +42,7 @@ pub struct Spawner {
     x: Uniform<f32>,
     y: Uniform<f32>,
     heading: Uniform<f32>,
-    /// Whether the room has no obstacle: every point that is drawn is a place then.
+    /// True if the room has no obstacle: every point that is drawn is then a place.
     open: bool,
     space: Arc<FreeSpace>,
 }
@@ -173,7 +173,7 @@ impl Spawner {
         self.try_goal(world, start, TRIES, rng).unwrap_or_else(|| self.listed_goal(world, region, start, rng))
     }
 
-    /// Whether a body gets from one point to the other without a crash into a wall or an obstacle.
+    /// True if a body gets from one point to the other without a crash into a wall or an obstacle.
     pub fn connects(&self, a: Vec2, b: Vec2) -> bool {
         self.open || self.space.connects(a, b)
     }
@@ -279,7 +279,7 @@ impl Spawner {
     }
 }
 
-/// Whether every body that counts has its centre at least `clearance` away from a point.
+/// True if every body that counts has its centre at least `clearance` away from a point.
 fn is_far(world: &World, counts: &impl Fn(usize) -> bool, point: Vec2, clearance: f32) -> bool {
     let far = |body: usize| world.pose(body).position.distance_squared(point) >= clearance * clearance;
     (0..world.n_bodies()).all(|body| !counts(body) || far(body))
@@ -291,7 +291,7 @@ fn pick(mut cells: impl Iterator<Item = usize> + Clone, rng: &mut impl Rng) -> O
     (n > 0).then(|| rng.random_range(0..n)).and_then(|k| cells.nth(k))
 }
 
-/// Why a room has no start.
+/// The error for a room without a start.
 fn no_places(config: &SimConfig, space: &FreeSpace) -> SimError {
     if space.diameter == 0.0 {
         return SimError::field(

@@ -45,7 +45,7 @@ struct AgentState {
     crowd: Option<MemberState>,
 }
 
-/// What a training crowd adds to an agent.
+/// The part of an agent's state that only a training crowd has.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct MemberState {

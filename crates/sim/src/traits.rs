@@ -7,7 +7,7 @@
 //! the robot of the configuration. The first agent of each room always learns, so that no room is
 //! without a learner.
 //!
-//! What changes for learners and members alike, obstacles and the number of agents, is drawn for
+//! Changes for learners and members alike, in obstacles and the number of agents, are drawn for
 //! the room (`renewal`).
 //!
 //! # Rules for members
@@ -30,7 +30,7 @@ use glam::Vec2;
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
 
-/// Who shares the training rooms with the learners; the `[training_crowd]` part of a training file.
+/// The agents that share the training rooms with the learners; the `[training_crowd]` part of a training file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TrainingCrowd {
@@ -121,22 +121,22 @@ impl Default for TrainingCrowd {
 }
 
 impl TrainingCrowd {
-    /// Whether all agents are learners, always, in a room that stays as it is.
+    /// True if all agents are learners, always, in a room that stays as it is.
     pub fn is_off(&self) -> bool {
         !self.has_members() && !self.renews()
     }
 
-    /// Whether some agents are no learners.
+    /// True if some agents are no learners.
     fn has_members(&self) -> bool {
         self.shares().iter().any(|(_, share, _)| *share > 0.0)
     }
 
-    /// Whether rooms change in obstacles or in their number of agents.
+    /// True if rooms change in obstacles or in their number of agents.
     pub(crate) fn renews(&self) -> bool {
         self.obstacles_max > 0 || self.agents_min > 0
     }
 
-    /// Whether some bodies are larger or smaller than a robot's.
+    /// True if some bodies are larger or smaller than a robot's.
     pub(crate) fn resizes(&self) -> bool {
         self.has_members() && (self.size_min, self.size_max) != (1.0, 1.0)
     }
@@ -155,7 +155,7 @@ impl TrainingCrowd {
         roomy
     }
 
-    /// Who is a member of the crowd with which probability, by the key. The order is that of the draw: new ones come last, so
+    /// The share of agents that have each role, with its key. The order is that of the draw: new ones come last, so
     /// that a crowd without them is drawn as ever.
     pub fn shares(&self) -> [(&'static str, f32, Role); 6] {
         [
@@ -225,7 +225,7 @@ impl TrainingCrowd {
         Traits { role, speed, stands, opponent, size, ..Traits::default() }
     }
 
-    /// Whether a member changes its goal on the way in a step of `dt`. Draws nothing where none ever does.
+    /// True if a member changes its goal on the way in a step of `dt` (s). Draws nothing where none ever does.
     pub(crate) fn changes_goal(&self, dt: f32, rng: &mut impl Rng) -> bool {
         self.walk_on && self.new_goal_every > 0.0 && rng.random::<f32>() < dt / self.new_goal_every
     }
@@ -254,7 +254,7 @@ const OBSTACLES_MAX: u32 = 1000;
 /// A walker goes forward while its goal is no further than this from straight ahead, rad.
 const FACING: f32 = 0.1;
 
-/// What an agent is for one episode.
+/// The role of an agent for one episode.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Role {
@@ -278,22 +278,22 @@ pub enum Role {
 }
 
 impl Role {
-    /// Whether what the agent does is learned from.
+    /// True if the policy learns from what the agent does.
     pub fn learns(self) -> bool {
         self == Self::Learner
     }
 
-    /// Whether a policy drives the agent: it then has a laser and the rule of crashing.
+    /// True if a policy drives the agent: it then has a laser, and the rule of crashing holds for it.
     pub fn has_policy(self) -> bool {
         matches!(self, Self::Learner | Self::Blind | Self::Seeing | Self::Opponent)
     }
 
-    /// Whether that policy is the present one.
+    /// True if that policy is the present one.
     pub fn has_present_policy(self) -> bool {
         matches!(self, Self::Learner | Self::Blind | Self::Seeing)
     }
 
-    /// Whether the agent's laser shows other agents.
+    /// True if the agent's laser shows other agents.
     pub(crate) fn sees_agents(self) -> bool {
         self != Self::Blind
     }
@@ -308,7 +308,7 @@ pub(crate) struct Traits {
     pub(crate) speed: f32,
     /// Steps in a row, up to the last one, in which a member was stopped by what was in its way; 0 for a learner.
     pub(crate) stalled_steps: u32,
-    /// Whether a stop-and-go walker stands.
+    /// True while a stop-and-go walker stands.
     #[serde(default)]
     pub(crate) stands: bool,
     /// For how many steps more it goes on with that.

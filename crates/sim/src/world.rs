@@ -30,7 +30,7 @@ pub struct World {
     walls: Option<Walls>,
 }
 
-/// What stopped a body's move.
+/// The thing that stopped a body's move.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stop {
     /// A wall.
@@ -107,12 +107,12 @@ impl World {
         Ok(self.bodies.len() - 1)
     }
 
-    /// How many bodies there are; their indices are 0 up to this.
+    /// Number of bodies; their indices are 0 up to this.
     pub fn n_bodies(&self) -> usize {
         self.bodies.len()
     }
 
-    /// How many obstacles there are.
+    /// Number of obstacles.
     pub fn n_obstacles(&self) -> usize {
         self.obstacles.len()
     }
@@ -239,12 +239,12 @@ impl World {
         self.blocker(body)
     }
 
-    /// Whether a body touches another body, an obstacle or a wall where it stands.
+    /// True if a body touches another body, an obstacle or a wall at its pose.
     pub fn is_blocked(&self, body: usize) -> bool {
         self.blocker(body).is_some()
     }
 
-    /// What a body touches where it stands: the first in the order wall, body, obstacle.
+    /// The thing that a body touches at its pose: the first in the order wall, body, obstacle.
     fn blocker(&self, body: usize) -> Option<Stop> {
         let solid = &self.bodies[body];
         if self.walls.is_some_and(|walls| walls.block(solid)) {
@@ -315,7 +315,7 @@ impl Walls {
         (aabb.mins - self.min).min(self.max - aabb.maxs).min_element().max(0.0)
     }
 
-    /// Whether a solid reaches a wall's inner face.
+    /// True if a solid reaches a wall's inner face.
     fn block(&self, solid: &Solid) -> bool {
         let position = solid.pose.position;
         let room = (position - self.min).min(self.max - position).min_element();

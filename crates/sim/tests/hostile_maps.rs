@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 const YAML: &str = "image: m.pgm\nresolution: 0.5\norigin: [-1.0, -2.0, 0.0]\nnegate: 0\n\
                     occupied_thresh: 0.65\nfree_thresh: 0.196\n";
 
-/// The message about `map`, which must be one short line; other files stand beside it.
+/// The message about `map`, which must be one short line; other files lie beside it.
 #[track_caller]
 fn refused(map: &str, files: &[(&str, &[u8])]) -> String {
     let folder = tempfile::tempdir().expect("folder");

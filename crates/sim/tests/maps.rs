@@ -181,7 +181,7 @@ fn keys_that_are_not_read_are_told_in_one_line() {
     assert!(maps::notes(&path).expect("notes").is_empty());
 }
 
-/// Whether the middles of a row of cells of half a metre, from (-0.75, -1.75) on, are free.
+/// For the middles of a row of cells of half a metre, from (-0.75, -1.75) on: true if the cell is free.
 fn free_row(scenario: &jostle_sim::Scenario, n: u8) -> Vec<bool> {
     let world = scenario.build().expect("world");
     (0..n).map(|i| world.clearance(Vec2::new(f32::from(i) * 0.5 - 0.75, -1.75)) > 0.2).collect()

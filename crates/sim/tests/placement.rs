@@ -1,4 +1,4 @@
-//! Where robots and goals appear: the draws of the usual room are pinned; elsewhere a draw always succeeds, keeps what it
+//! Starts and goals: the draws of the usual room are pinned; elsewhere a draw always succeeds, keeps what it
 //! promises, or the room is refused before anything runs.
 
 use glam::Vec2;
@@ -38,7 +38,7 @@ fn with_obstacles(obstacles: &str) -> (TempDir, SimConfig) {
     with_map("m.toml", &[("m.toml", map.as_bytes())])
 }
 
-/// What a mapper writes: unknown everywhere, a free square room with a solid rim in the middle of the image.
+/// An image as a mapper writes it: unknown everywhere, a free square room with a solid rim in the middle of the image.
 fn mapped_room(pixels: usize, room: f32) -> (TempDir, SimConfig) {
     let (resolution, half) = (0.1, room / 0.1 / 2.0);
     let centre = pixels as f32 / 2.0;
@@ -76,7 +76,7 @@ fn world_of(config: &SimConfig) -> World {
     )
 }
 
-/// Why a room is refused for that many robots.
+/// The refusal of a room for that many robots.
 fn refusal(config: &SimConfig, n_agents: usize) -> String {
     let message = Rooms::new(config, 1, n_agents, 1, &Streams::new(0))
         .err()
@@ -86,7 +86,7 @@ fn refusal(config: &SimConfig, n_agents: usize) -> String {
     message
 }
 
-/// Starts and goals of one body alone.
+/// Starts and goals of a single body.
 fn draws(config: &SimConfig, n: usize) -> Vec<(Vec2, Vec2)> {
     let world = world_of(config);
     let spawner = Spawner::new(config, &world).expect("spawner");

@@ -93,7 +93,7 @@ fn reference(shapes: &[(Shape, Pose)], walls: bool, sensor: Pose, angle: f64) ->
     best
 }
 
-/// Whether a beam grazes: the reference moves by more than `tolerance` when its angle moves by `delta`.
+/// True if a beam grazes: the reference moves by more than `tolerance` when its angle moves by `delta`.
 fn grazes(shapes: &[(Shape, Pose)], walls: bool, sensor: Pose, k: usize, delta: f64, tolerance: f64) -> bool {
     let at =
         |shift| reference(shapes, walls, sensor, std::f64::consts::TAU * k as f64 / BEAMS as f64 + shift);

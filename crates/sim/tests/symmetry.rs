@@ -47,7 +47,7 @@ impl Symmetry {
         }
     }
 
-    /// What the image's robot should observe. A turned robot sees the same; a mirrored one sees left and right exchanged.
+    /// The observation that the image's robot should have. A turned robot sees the same; a mirrored one sees left and right exchanged.
     fn observation(self, row: &[f32]) -> Vec<f32> {
         let mut image = row.to_vec();
         if self == Self::Mirror {

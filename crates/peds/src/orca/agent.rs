@@ -14,7 +14,7 @@ use crate::{
     error::{MAGNITUDE_LIMIT, require},
 };
 
-/// What an agent is and how far it looks.
+/// An agent's body, speed and the range in which it looks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AgentParameters {
     /// Others at this distance or farther are not looked at, m.
@@ -70,7 +70,7 @@ pub(super) struct Agent {
     pub(super) parameters: AgentParameters,
 }
 
-/// What the others need to know of an agent.
+/// The part of an agent that the others need.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Body {
     pub(super) position: Vec2,

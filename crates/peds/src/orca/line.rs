@@ -19,12 +19,12 @@ pub struct Line {
 }
 
 impl Line {
-    /// Whether the line constrains anything: false when two agents coincided and its direction is 0/0.
+    /// True if the line constrains anything: not when two agents coincided and its direction is 0/0.
     pub fn is_determined(&self) -> bool {
         self.point.is_finite() && self.direction.is_finite()
     }
 
-    /// How far `velocity` lies on the forbidden side; negative on the allowed one.
+    /// Distance of `velocity` from the line, m/s: positive on the forbidden side, negative on the allowed one.
     #[inline]
     pub(super) fn violation(&self, velocity: Vec2) -> f32 {
         det(self.direction, self.point - velocity)

@@ -14,7 +14,7 @@ use super::{
     line::{Line, det, normalise},
 };
 
-/// What is to be optimised.
+/// The aim of an optimisation.
 #[derive(Clone, Copy, PartialEq)]
 enum Aim {
     /// The point nearest to the velocity.

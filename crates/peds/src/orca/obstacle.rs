@@ -57,7 +57,7 @@ impl Obstacles {
         self.vertices.len()
     }
 
-    /// Whether there is no obstacle.
+    /// True if there is no obstacle.
     pub fn is_empty(&self) -> bool {
         self.vertices.is_empty()
     }

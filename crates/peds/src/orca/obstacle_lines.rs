@@ -1,4 +1,4 @@
-//! The half-planes that obstacle edges induce: the agent alone avoids them.
+//! The half-planes that obstacle edges induce. The agent takes all of the avoiding on itself.
 //!
 //! SPDX-FileCopyrightText: 2008 University of North Carolina at Chapel Hill
 //! SPDX-License-Identifier: Apache-2.0
@@ -20,7 +20,7 @@ use super::{
     obstacle_tree::ObstacleNeighbour,
 };
 
-/// What an edge contributes.
+/// The contribution of an edge.
 enum Outcome {
     /// A line.
     Line(Line),
@@ -51,7 +51,7 @@ pub(super) fn push_obstacle_lines(
     }
 }
 
-/// Whether the edge's velocity obstacle lies wholly in what the lines so far forbid.
+/// True if the edge's velocity obstacle lies wholly in what the lines so far forbid.
 fn is_covered(
     lines: &[Line],
     relative_left: Vec2,
@@ -100,7 +100,7 @@ fn edge_line(agent: &Agent, vertices: &[Vertex], index: u32, edge: &Edge, inv_ho
     }
 }
 
-/// What to do when the disc touches the edge already: move away from it at once.
+/// The half-plane of a disc that touches the edge already: it moves away from it at once.
 fn collision(edge: &Edge, s: f32, line_distance_sq: f32, radius_sq: f32) -> Option<Outcome> {
     let away_from = |relative: Vec2| {
         Outcome::Line(Line { point: Vec2::ZERO, direction: normalise(Vec2::new(-relative.y, relative.x)) })

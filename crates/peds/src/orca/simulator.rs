@@ -36,7 +36,7 @@ const CHUNK: usize = 128;
 pub struct AgentLines<'a> {
     /// In order of construction: obstacle lines first, then one per agent neighbour, nearest first.
     pub lines: &'a [Line],
-    /// How many of them, the last ones, come from agents.
+    /// Number of lines, from the end, that come from agents.
     pub n_agent_lines: usize,
 }
 
@@ -88,7 +88,7 @@ impl OrcaSimulator {
     }
 
     /// The share of avoiding that every agent takes on itself: ½ (as in RVO2, the default) where the others do the rest, 1 where
-    /// they do nothing. Obstacles are always avoided alone.
+    /// they do nothing. An obstacle avoids nobody, so an agent always does all of that.
     ///
     /// # Errors
     /// A share outside 0 … 1.
@@ -138,7 +138,7 @@ impl OrcaSimulator {
         Ok(())
     }
 
-    /// The velocity that an agent would take if it were alone. Not limited here; the planned velocity is.
+    /// Sets the velocity that an agent would take without neighbours. Not limited here; the planned velocity is.
     ///
     /// # Errors
     /// No such agent, non-finite velocity.
@@ -157,7 +157,7 @@ impl OrcaSimulator {
         self.agents.len()
     }
 
-    /// Whether there is no agent.
+    /// True if there is no agent.
     pub fn is_empty(&self) -> bool {
         self.agents.is_empty()
     }
@@ -177,7 +177,7 @@ impl OrcaSimulator {
         self.agents[agent].planned_velocity
     }
 
-    /// Whether plans keep their half-planes for [`Self::lines`]. Off at first: it costs time and memory.
+    /// Switches whether plans keep their half-planes for [`Self::lines`]. Off at first: it costs time and memory.
     pub fn record_lines(&mut self, on: bool) {
         self.recorded = on.then(Vec::new);
     }
@@ -229,7 +229,7 @@ impl OrcaSimulator {
         self.publish();
     }
 
-    /// As [`Self::plan`], over rayon's threads, with the same bits. (Alone when half-planes are recorded.)
+    /// As [`Self::plan`], over rayon's threads, with the same bits. (On one thread when half-planes are recorded.)
     pub fn par_plan(&mut self) {
         if self.recorded.is_some() {
             return self.plan();

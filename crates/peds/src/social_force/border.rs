@@ -1,19 +1,19 @@
-//! What repels like a wall: connected line segments with one nearest point.
+//! Borders, which repel like walls: connected line segments with one nearest point.
 //!
-//! The rule: **a wall repels once, from its nearest point**, and what a wall is depends on the area alone, not on the pieces
+//! The rule: **a wall repels once, from its nearest point**, and what a wall is depends only on the area, not on the pieces
 //! that it was drawn in.
-//! - What stands free is one wall, whatever its form.
-//! - What surrounds free space is cut into walls at its corners: where, half a metre before and behind, the line has turned
+//! - A solid with free space all round it is one wall, whatever its form.
+//! - A line that surrounds free space is cut into walls at its corners: where, half a metre before and behind, the line has turned
 //!   into the free space by at least 40°. A rectangular room so has four walls and a round one has one; a bump, a niche or a
 //!   step of less than that is part of its wall, and a column in front of a wall is a wall of its own.
-//! - Of what surrounds free space only that repels which faces the pedestrian: the far side of a thin wall, seen from the
+//! - Of a line that surrounds free space only the part repels which faces the pedestrian: the far side of a thin wall, seen from the
 //!   next room, is no second wall.
 
 use glam::{DVec2, Vec2};
 
 use crate::{PedsError, error::checked};
 
-/// How far before and behind a corner its turn is measured, m: a body's side. Of corners nearer to each other than this along
+/// Distance before and behind a corner at which its turn is measured, m: a body's side. Of corners nearer to each other than this along
 /// the line, the sharpest counts.
 const ARM: f64 = 0.5;
 /// Least turn of a corner between two walls, rad.
@@ -270,7 +270,7 @@ mod tests {
         let left = &room(&square)[0];
         assert_eq!(left.nearest(DVec2::new(1.0, 2.0)), Some(DVec2::new(0.0, 2.0)));
         assert_eq!(left.nearest(DVec2::new(-0.1, 2.0)), None);
-        // What stands free repels from all sides.
+        // A solid with free space all round repels from all sides.
         let island =
             Border::from_polygons(&[square.map(Vec2::from).iter().rev().copied().collect::<Vec<_>>()]);
         assert_eq!(island.unwrap()[0].nearest(DVec2::new(-0.1, 2.0)), Some(DVec2::new(0.0, 2.0)));

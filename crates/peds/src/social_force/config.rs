@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{PedsError, error::require};
 
-/// Which direction must lie in a pedestrian's view for another to count fully.
+/// The direction that must lie in a pedestrian's view for another to count fully.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ViewTest {
     /// Against the force: −f (the article's w(e, −f)).
@@ -115,7 +115,7 @@ impl DesiredSpeed {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SocialForceConfig {
-    /// Which choices where implementations differ.
+    /// The choices in which implementations differ.
     pub variant: Variant,
     /// Default 1 m/s for all.
     pub desired_speed: DesiredSpeed,

@@ -1,5 +1,5 @@
-//! Where the files lie that a configuration names: relative paths start from the file that names them, wherever a command is
-//! run.
+//! Files that a configuration names: a relative path starts from the file that names it, whatever the working directory of a
+//! command is.
 
 use super::RoomConfig;
 use std::path::{Component, Path, PathBuf};
@@ -15,7 +15,7 @@ impl NamingFolder {
         Self(Some(real(folder)))
     }
 
-    /// Where a path that was named from here leads, as the system finds it from the working directory.
+    /// The path as the system finds it from the working directory, for a `path` that a file in this folder names.
     pub fn locate(&self, path: &Path) -> PathBuf {
         self.0.as_ref().map_or_else(|| path.to_owned(), |folder| folder.join(path))
     }

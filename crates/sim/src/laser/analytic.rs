@@ -167,7 +167,7 @@ pub(super) fn cast_codes(
     }
 }
 
-/// What one beam meets.
+/// The thing that one beam meets.
 pub(super) fn identify(directions: &Directions, targets: &Targets, beam: usize) -> Hit {
     let (_, codes) = cast_chunk(directions, targets, beam / LANES);
     decode(codes[beam % LANES])

@@ -34,7 +34,7 @@ pub(crate) const LANES: usize = 8;
 /// One number for each of eight neighbouring beams.
 pub(crate) type Chunk = [f32; LANES];
 
-/// What a beam meets first.
+/// The first thing that a beam meets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Hit {
     /// Nothing within range.
@@ -47,7 +47,7 @@ pub enum Hit {
     Body(usize),
 }
 
-/// Where a scan is taken from.
+/// The place that a scan is taken from.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Sensor {
     /// The centre of a body, which is not seen by itself.
@@ -56,7 +56,7 @@ pub enum Sensor {
     Free(Pose),
 }
 
-/// What is nearest to a sensor all round, which the crash rule judges.
+/// The nearest thing to a sensor all round, by which crashes are judged.
 ///
 /// A full circle of beams sees it: it is the scan's least range. A sector does not, and yet a robot whose laser looks
 /// ahead can be hit from behind: there it is the distance to the nearest surface of all walls, obstacles and bodies
@@ -65,7 +65,7 @@ pub enum Sensor {
 pub struct ScanSummary {
     /// Least noise-free distance, m; the laser's range where nothing is nearer.
     pub min_range: f32,
-    /// What is there: what the (first) beam with that range meets, or the (first) nearest thing around a sector.
+    /// The thing at that distance: the one that the first beam with that range meets, or the first of the nearest around a sector.
     pub nearest: Hit,
 }
 
@@ -219,7 +219,7 @@ impl Laser {
     }
 }
 
-/// Where the sensor stands, and which bodies it sees: never the one that carries it.
+/// The sensor's pose, and a test of which bodies it sees: never the one that carries it.
 fn view(world: &World, sensor: Sensor, visible: impl Fn(usize) -> bool) -> (Pose, impl Fn(usize) -> bool) {
     let (pose, own) = match sensor {
         Sensor::Body(body) => (world.pose(body), Some(body)),

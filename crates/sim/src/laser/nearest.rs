@@ -89,7 +89,7 @@ mod tests {
         // From the slanted side, and from inside.
         check(&world, 6.0, 2.0, (2.0_f32.sqrt(), Hit::Obstacle(2)));
         check(&world, 4.5, 0.5, (0.0, Hit::Obstacle(2)));
-        // A square that stands on its corner.
+        // A square on its corner.
         check(&world, 0.0, -3.0, (2.0 - 2.0_f32.sqrt(), Hit::Body(0)));
         check(&world, -8.7, 8.0, (0.3, Hit::Wall(0)));
         check(&world, -20.0, 8.0, (0.0, Hit::Wall(0)));

@@ -149,7 +149,7 @@ impl NoiseSource {
         super::noisy_frame(ranges, &self.random, std, range, frame);
     }
 
-    /// How far the stream has been read, in 32-bit words.
+    /// Position of the stream, in 32-bit words.
     pub fn position(&self) -> u64 {
         self.rng.get_word_pos() as u64
     }

@@ -29,12 +29,12 @@ pub struct ScanScene {
     pub polygons: Vec<Vec<[f64; 2]>>,
 }
 
-/// The result of [`ScanScene::scan`]; [`Hit::Obstacle`] stands for a polygon.
+/// The result of [`ScanScene::scan`]; [`Hit::Obstacle`] is a polygon.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneScan {
     /// One range per beam, m.
     pub ranges: Vec<f32>,
-    /// What each beam meets.
+    /// The thing that each beam meets, in the order of the beams.
     pub hits: Vec<Hit>,
     /// Least range, m.
     pub min_range: f32,

@@ -1,4 +1,4 @@
-//! Which beams a shape can cover, as runs of whole chunks.
+//! The beams that a shape can cover, as runs of whole chunks.
 //!
 //! A shape's first and last direction are approximate, so each run is widened: a beam that is left out meets nothing.
 
@@ -42,14 +42,14 @@ impl Span {
         Self { first: (first / LANES) as u32, last: (last / LANES) as u32 }
     }
 
-    /// Whether the run holds a chunk.
+    /// True if the run contains a chunk.
     pub(crate) fn holds(self, chunk: usize) -> bool {
         let (first, last, chunk) = (self.first, self.last, chunk as u32);
         if first <= last { first <= chunk && chunk <= last } else { first <= chunk || chunk <= last }
     }
 }
 
-/// Where the beams point, as far as culling needs it.
+/// The directions of the beams, as far as culling needs them.
 #[derive(Clone, Copy)]
 pub(crate) struct View {
     beams: usize,

@@ -1,4 +1,4 @@
-//! What a scan is cast against: the faces of all visible shapes in the sensor's frame, each with the beams it can cover.
+//! The targets of a scan: the faces of all visible shapes in the sensor's frame, each with the beams that it can cover.
 //!
 //! Culling is by whole chunks of beams and never decides about a hit: the kernel's own exact test does.
 
@@ -21,7 +21,7 @@ fn code(index: usize, is_body: bool) -> u32 {
     OBSTACLE + 2 * index as u32 + u32::from(is_body)
 }
 
-/// The hit that a code stands for.
+/// The hit with a code.
 pub(crate) fn decode(code: u32) -> Hit {
     let index = (code.saturating_sub(OBSTACLE) / 2) as usize;
     match code {

@@ -14,13 +14,13 @@ use glam::{DVec2, IVec2};
 
 /// Width of a strip, cells.
 const WIDTH: f64 = 1.0;
-/// How far an edge's steps may go back along it, cells. At the end of a wall of one cell they go back by this.
+/// Largest distance by which an edge's steps go back along it, cells. At the end of a wall of one cell they go back by this.
 const BACK: f64 = 0.5;
 /// Outlines up to this length, cells, are kept as they are: a pillar of some cells has no straight edges to be found.
 const SHORT: i32 = 16;
-/// How far from its place in the outline the corner of two edges may lie, cells; sharper corners are cut off.
+/// Largest distance of the corner of two edges from its place in the outline, cells; sharper corners are cut off.
 const MITRE: f64 = 2.0;
-/// How far a step's middle may lie from its edge, cells, where corners were cut off.
+/// Largest distance of a step's middle from its edge, cells, beside corners that were cut off.
 const CUT_OFF: f64 = 1.25;
 /// Steps at either end of a straight run that are looked at.
 const RUN_END: i32 = 6;
@@ -29,7 +29,7 @@ const WINDOW: usize = 4;
 const STEPS: [IVec2; 4] = [IVec2::X, IVec2::Y, IVec2::NEG_X, IVec2::NEG_Y];
 
 /// The closed lines between free and solid cells, in cells from the grid's lower left corner, each by its corners:
-/// clockwise around free areas, counter-clockwise around what stands in them. Beyond the grid all is solid. Cells that
+/// clockwise around free areas, counter-clockwise around the solid in them. Beyond the grid all is solid. Cells that
 /// touch at a corner are joined where they are solid and not where they are free, as no body fits through.
 pub(super) fn cell_rings(solid: &[bool], width: usize) -> Vec<Vec<IVec2>> {
     let grid = Grid { solid, width: width as i32, height: (solid.len() / width) as i32 };
@@ -80,7 +80,7 @@ impl Grid<'_> {
         }
     }
 
-    /// Where the line goes on from a corner: to the right of a solid cell ahead on the free side, else straight along a
+    /// The heading of the line behind a corner: to the right of a solid cell ahead on the free side, else straight along a
     /// solid one on the other side, else to the left.
     fn turn(&self, at: IVec2, heading: usize) -> usize {
         // The cells ahead on the right and on the left, by their lower left corners.
@@ -129,7 +129,7 @@ fn middles(corners: &[IVec2]) -> Vec<DVec2> {
     points
 }
 
-/// Twice the area, positive for counter-clockwise.
+/// The area, cells²; positive for counter-clockwise.
 fn area(ring: &[DVec2]) -> f64 {
     (0..ring.len()).map(|i| ring[i].perp_dot(ring[(i + 1) % ring.len()])).sum::<f64>() / 2.0
 }
@@ -214,7 +214,7 @@ fn longest(points: &[DVec2], from: usize, limit: usize) -> usize {
     }
 }
 
-/// Whether one edge holds the points: a strip does, and they do not turn back along it.
+/// True if one edge holds the points: a strip does, and they do not turn back along it.
 fn is_straight(points: &[DVec2]) -> bool {
     Strip::narrowest(&hull(points)).width <= WIDTH + 1e-9 && turns_back(points).is_none()
 }

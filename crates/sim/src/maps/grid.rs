@@ -51,7 +51,7 @@ pub(super) fn image_of(path: &Path) -> Result<std::path::PathBuf, SimError> {
     Ok(MapYaml::parse(path, &read_text(path)?)?.image)
 }
 
-/// What a map says of a cell.
+/// The occupancy of a cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Occupancy {
     Unknown,
@@ -93,7 +93,7 @@ fn occupancy(yaml: &MapYaml, pixel: Pixel) -> Occupancy {
     }
 }
 
-/// Whether a cell is free: its percentage is 0 or, in mode `raw`, which applies no threshold to its cells, below
+/// True if a cell is free: its percentage is 0 or, in mode `raw`, which applies no threshold to its cells, below
 /// `free_thresh`.
 fn is_free(yaml: &MapYaml, pixel: Pixel) -> bool {
     match occupancy(yaml, pixel) {
@@ -109,7 +109,7 @@ fn from_below(image: &Cells) -> Vec<bool> {
     image.cells.chunks_exact(image.width).rev().flatten().copied().collect()
 }
 
-/// Where the grid lies in the world.
+/// The pose and scale of the grid in the world.
 struct Frame {
     origin: DVec2,
     resolution: f64,
@@ -181,7 +181,7 @@ struct Block {
     y: (usize, usize),
 }
 
-/// Runs of solid cells in each row; a run that stands on an equal one grows it.
+/// Runs of solid cells in each row; a run above an equal one grows it.
 ///
 /// The work is one pass over the cells, and it ends with the number of blocks as soon as there are more than a map may
 /// have: a small compressed image can hold millions.

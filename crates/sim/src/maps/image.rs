@@ -18,7 +18,7 @@ pub(super) struct Pixel {
     pub(super) alpha: Option<f64>,
 }
 
-/// What a function says of every pixel, row by row from the top.
+/// The answers of a function about every pixel, row by row from the top.
 #[derive(Debug)]
 pub(super) struct Cells {
     pub(super) width: usize,

@@ -52,7 +52,7 @@ pub fn load(path: &Path) -> Result<Scenario, SimError> {
     Ok(scenario)
 }
 
-/// What a map file holds that is not read, each as one line for the user: keys of a `map.yaml` that other tools put there.
+/// Keys of a `map.yaml` that are not read because only other tools know them, as lines for the user; none for other maps.
 /// Nothing here prints; a command does, once.
 ///
 /// # Errors
@@ -74,7 +74,7 @@ pub fn notes(path: &Path) -> Result<Vec<String>, SimError> {
 }
 
 /// SHA-256 of a map's content, in hexadecimal: of the file's bytes; of a `map.yaml`, of the hexadecimal hashes of the file and
-/// of its image, one behind the other. Where the files lie does not matter.
+/// of its image, one behind the other. The files' folders do not count.
 ///
 /// # Errors
 ///
@@ -97,7 +97,7 @@ fn hex_sha256(bytes: &[u8]) -> String {
     })
 }
 
-/// Whether a file is a ROS map by its name.
+/// True if a file is a ROS map by its name.
 fn is_grid(path: &Path) -> bool {
     matches!(path.extension().and_then(|e| e.to_str()), Some("yaml" | "yml"))
 }

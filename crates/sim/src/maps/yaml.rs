@@ -1,6 +1,6 @@
 //! The `map.yaml` of ROS' map server, by a YAML parser: block and flow style, anchors, comments, any number of lines.
 //!
-//! What is read, and how a value is understood, follows nav2's `map_io`; the numbers and words are those that its YAML
+//! The keys that are read and the meaning of their values follow nav2's `map_io`; the numbers and words are those that its YAML
 //! library takes. Keys that it does not know are passed over, and told by [`MapYaml::ignored`].
 
 use crate::error::SimError;
@@ -19,7 +19,7 @@ const LIST_MAX: usize = 16;
 const KNOWN: [&str; 7] =
     ["image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh", "mode"];
 
-/// How brightness becomes occupancy.
+/// The rule by which brightness becomes occupancy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Mode {
     /// Free, occupied or unknown by the two thresholds.
@@ -39,13 +39,13 @@ pub(super) struct MapYaml {
     pub(super) resolution: f64,
     /// World position of the lower left corner of the lower left cell, m, and the grid's heading around it, rad.
     pub(super) origin: [f64; 3],
-    /// Whether dark is free.
+    /// True if dark is free.
     pub(super) negate: bool,
     /// A cell is occupied above this probability of being occupied.
     pub(super) occupied_thresh: f64,
     /// A cell is free below this one.
     pub(super) free_thresh: f64,
-    /// How brightness becomes occupancy.
+    /// The rule by which brightness becomes occupancy.
     pub(super) mode: Mode,
     /// Keys that are not read.
     pub(super) ignored: Vec<String>,
