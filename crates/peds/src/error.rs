@@ -2,6 +2,7 @@
 
 /// Error of this crate: every variant names what was found and what was expected.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum PedsError {
     /// A number of the input is NaN, infinite or too large for single precision to square twice.
     #[error("{what} is ({x}, {y}); expected finite components of magnitude at most {limit:e}")]
@@ -25,15 +26,35 @@ pub enum PedsError {
         /// The accepted range.
         expected: &'static str,
     },
-    /// An obstacle cannot be used.
-    #[error("obstacle {obstacle}: {found}; expected {expected}")]
-    Obstacle {
+    /// An obstacle has fewer than two vertices.
+    #[error("obstacle {obstacle}: {found} vertices; expected at least 2")]
+    ObstacleVertices {
         /// Index of the polygon in the list given.
         obstacle: usize,
-        /// What was found.
-        found: String,
-        /// What was expected.
-        expected: &'static str,
+        /// Number of its vertices.
+        found: usize,
+    },
+    /// An obstacle has an edge without a direction.
+    #[error("obstacle {obstacle}: edge {edge} is {length} m long; expected edges of at least {least} m")]
+    ObstacleEdge {
+        /// Index of the polygon in the list given.
+        obstacle: usize,
+        /// Index of the edge; it begins at the vertex of that index.
+        edge: usize,
+        /// Its length, m.
+        length: f32,
+        /// The least accepted length, m.
+        least: f32,
+    },
+    /// Obstacles have too many edges.
+    #[error("obstacle {obstacle}: {found} edges in all; expected at most {most}")]
+    TooManyEdges {
+        /// Index of the polygon with which there are too many.
+        obstacle: usize,
+        /// Number of edges up to its last one.
+        found: usize,
+        /// The largest accepted number.
+        most: usize,
     },
     /// An agent index beyond the last agent.
     #[error("agent {agent} does not exist; there are {count}")]
@@ -71,9 +92,46 @@ pub enum PedsError {
         /// The crowds that can be made so.
         expected: &'static str,
     },
-    /// A learned crowd without policies, or with a policy that does not fit.
-    #[error("policy pool: {0}")]
-    Pool(String),
+    /// A learned crowd has no policies.
+    #[error("policy pool: it is empty; expected at least one policy")]
+    EmptyPool,
+    /// A policy of the pool is no actor.
+    #[error("policy pool: network {policy} has {found} outputs; expected an actor's 2")]
+    PoolOutputs {
+        /// Index of the policy.
+        policy: usize,
+        /// Number of its outputs.
+        found: usize,
+    },
+    /// A policy of the pool reads other observations than the first one.
+    #[error(
+        "policy pool: policy {policy} sees {} frames of {} beams; expected {} of {}, as policy 0",
+        found[0], found[1], expected[0], expected[1]
+    )]
+    PoolObservation {
+        /// Index of the policy.
+        policy: usize,
+        /// Its frames and beams.
+        found: [usize; 2],
+        /// The frames and beams of policy 0.
+        expected: [usize; 2],
+    },
+    /// A policy of the pool cannot be made.
+    #[error("policy pool: policy {policy}: {reason}")]
+    PoolBackend {
+        /// Index of the policy.
+        policy: usize,
+        /// The words of `jostle-policy`, which this crate does without unless the feature `learned` is on.
+        reason: String,
+    },
+    /// A policy of the pool answers with a number that is not finite.
+    #[error("policy pool: policy {policy} answers {mean:?}; expected finite means")]
+    PoolAnswer {
+        /// Index of the policy.
+        policy: usize,
+        /// Its answer: linear and angular velocity.
+        mean: [f32; 2],
+    },
 }
 
 /// Largest coordinate, speed or distance accepted: its fourth power is far from the end of `f32`.

@@ -3,7 +3,7 @@
 //! They differ in what they are given: the policies of the pool (SO: half-trained ones; cross-play: any), the scans, with or without
 //! the robot (`visibility`), and the speed factors (VA).
 
-use jostle_policy::{Backend, Batch, Network, NetworkConfig, PolicyFile, actor};
+use jostle_policy::{Backend, Batch, Network, NetworkConfig, PolicyError, PolicyFile, actor};
 use rayon::prelude::*;
 
 use crate::{Crowd, CrowdKind, LearnedConfig, Motion, PedsError, RoomView, crowd::check_motions};
@@ -55,11 +55,10 @@ impl LearnedCrowd {
             return Err(PedsError::WrongKind { found: kind, expected: "NH, IN, VA, SO, cross-play" });
         }
         if pool.is_empty() {
-            return Err(PedsError::Pool("it is empty; expected at least one policy".into()));
+            return Err(PedsError::EmptyPool);
         }
-        if let Some(i) = pool.iter().position(|network| network.n_outputs() != 2) {
-            let found = pool[i].n_outputs();
-            return Err(PedsError::Pool(format!("network {i} has {found} outputs; expected an actor's 2")));
+        if let Some(policy) = pool.iter().position(|network| network.n_outputs() != 2) {
+            return Err(PedsError::PoolOutputs { policy, found: pool[policy].n_outputs() });
         }
         let member = |network| Member {
             network,
@@ -84,10 +83,11 @@ impl LearnedCrowd {
     ) -> Result<Self, PedsError> {
         let observation_len = files.first().map_or(0, |file| file.network.observation_len());
         let mut pool = Vec::with_capacity(files.len());
-        for (i, PolicyFile { actor: parameters, network, .. }) in files.iter().enumerate() {
-            check_shape(i, network, &files[0].network)?;
+        for (policy, PolicyFile { actor: parameters, network, .. }) in files.iter().enumerate() {
+            check_shape(policy, network, &files[0].network)?;
             let made = actor(network, backend, parameters);
-            pool.push(made.map_err(|error| PedsError::Pool(format!("policy {i}: {error}")))?);
+            let refused = |error: PolicyError| PedsError::PoolBackend { policy, reason: error.to_string() };
+            pool.push(made.map_err(refused)?);
         }
         Self::new(kind, limits, observation_len, pool)
     }
@@ -126,7 +126,7 @@ impl LearnedCrowd {
         Ok(())
     }
 
-    fn command(&self, mean: &[f32], factor: f32) -> Motion {
+    fn command(&self, mean: [f32; 2], factor: f32) -> Motion {
         let factor = if self.kind == CrowdKind::Va { factor } else { 1.0 };
         Motion::Drive {
             v: mean[0].clamp(0.0, self.limits.v_max) * factor,
@@ -135,13 +135,9 @@ impl LearnedCrowd {
     }
 }
 
-fn check_shape(i: usize, found: &NetworkConfig, expected: &NetworkConfig) -> Result<(), PedsError> {
-    if (found.frames, found.beams) == (expected.frames, expected.beams) {
-        return Ok(());
-    }
-    let (frames, beams) = (expected.frames, expected.beams);
-    let found = format!("policy {i} sees {} frames of {} beams", found.frames, found.beams);
-    Err(PedsError::Pool(format!("{found}; expected {frames} of {beams}, as policy 0")))
+fn check_shape(policy: usize, found: &NetworkConfig, expected: &NetworkConfig) -> Result<(), PedsError> {
+    let [found, expected] = [found, expected].map(|network| [network.frames, network.beams]);
+    if found == expected { Ok(()) } else { Err(PedsError::PoolObservation { policy, found, expected }) }
 }
 
 impl Crowd for LearnedCrowd {
@@ -160,14 +156,12 @@ impl Crowd for LearnedCrowd {
 
         let factors: Vec<f32> =
             rooms.iter().flat_map(|room| (0..room.pedestrians.len()).map(|i| room.factor(i))).collect();
-        for (i, member) in self.pool.iter().enumerate() {
-            for (mean, &at) in member.means.chunks_exact(2).zip(&member.decides) {
+        for (policy, member) in self.pool.iter().enumerate() {
+            for (mean, &at) in member.means.as_chunks().0.iter().zip(&member.decides) {
                 if !mean.iter().all(|value| value.is_finite()) {
-                    return Err(PedsError::Pool(format!(
-                        "policy {i} answers {mean:?}; expected finite means"
-                    )));
+                    return Err(PedsError::PoolAnswer { policy, mean: *mean });
                 }
-                motions[at] = self.command(mean, factors[at]);
+                motions[at] = self.command(*mean, factors[at]);
             }
         }
         Ok(())

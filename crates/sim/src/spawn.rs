@@ -98,8 +98,8 @@ impl Spawner {
     ///
     /// # Errors
     ///
-    /// [`SimError::Field`] when the body clearance lets two bodies crash where they start, or when the other bodies' discs
-    /// could cover 80 % of the area in which a start can be.
+    /// [`SimError::Field`] when the body clearance lets two bodies crash where they start, [`SimError::RoomTooSmall`] when
+    /// the other bodies' discs could cover 80 % of the area in which a start can be.
     pub fn check_room(&self, n_bodies: usize) -> Result<(), SimError> {
         let n_others = n_bodies.saturating_sub(1);
         if n_others > 0 && self.body_clearance < self.body_clearance_min {
@@ -115,13 +115,7 @@ impl Spawner {
         let area = self.space.area();
         let covered = n_others as f32 * std::f32::consts::PI * self.body_clearance.powi(2);
         if covered >= COVERED_MAX * area || !self.space.holds(n_others, self.body_clearance) {
-            return Err(SimError::field(
-                "n_agents",
-                n_bodies,
-                format!(
-                    "so few that their spawn clearances cover less than 80 % of {area:.1} m² of free area"
-                ),
-            ));
+            return Err(SimError::RoomTooSmall { n_bodies, free_area: area });
         }
         Ok(())
     }
@@ -300,9 +294,5 @@ fn no_places(config: &SimConfig, space: &FreeSpace) -> SimError {
             "a distance from walls and obstacles that leaves free places in the room",
         );
     }
-    let expected = format!(
-        "at most {:.2} m, the largest distance between two places that can be reached from one another",
-        space.diameter
-    );
-    SimError::field("spawn.goal_distance", config.spawn.goal_distance, expected)
+    SimError::GoalTooFar { found: config.spawn.goal_distance, largest: space.diameter }
 }

@@ -154,11 +154,8 @@ impl Rooms {
     }
 
     fn check_state(&self, state: &RoomsState) -> Result<(), SimError> {
-        let same = |field: &str, found: u64, expected: u64| {
-            if found == expected {
-                return Ok(());
-            }
-            Err(SimError::field(format!("state.{field}"), found, expected.to_string()))
+        let same = |field: &'static str, found: u64, expected: u64| {
+            if found == expected { Ok(()) } else { Err(SimError::OtherRooms { field, found, expected }) }
         };
         same("seed", state.seed, self.streams.seed())?;
         same("n_rooms", state.n_rooms as u64, self.rooms.len() as u64)?;

@@ -15,6 +15,9 @@ use super::{
 };
 use crate::{PedsError, error::checked};
 
+/// Least length of an edge, m.
+const EDGE_MIN: f32 = 1e-3;
+
 /// A vertex and the edge that leaves it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Vertex {
@@ -64,19 +67,18 @@ impl Obstacles {
 }
 
 fn validate(obstacle: usize, polygon: &[Vec2], n_before: usize) -> Result<(), PedsError> {
-    let refuse = |found: String, expected| Err(PedsError::Obstacle { obstacle, found, expected });
     let n = polygon.len();
     if n < 2 {
-        return refuse(format!("{n} vertices"), "at least 2");
+        return Err(PedsError::ObstacleVertices { obstacle, found: n });
     }
     if n_before + n > Obstacles::MAX_EDGES {
-        return refuse(format!("{} edges in all", n_before + n), "at most 4096");
+        return Err(PedsError::TooManyEdges { obstacle, found: n_before + n, most: Obstacles::MAX_EDGES });
     }
-    for (i, &point) in polygon.iter().enumerate() {
+    for (edge, &point) in polygon.iter().enumerate() {
         checked("obstacle vertex", point)?;
-        let length = point.distance(polygon[(i + 1) % n]);
-        if length < 1e-3 {
-            return refuse(format!("edge {i} is {length} m long"), "edges of at least 0.001 m");
+        let length = point.distance(polygon[(edge + 1) % n]);
+        if length < EDGE_MIN {
+            return Err(PedsError::ObstacleEdge { obstacle, edge, length, least: EDGE_MIN });
         }
     }
     Ok(())

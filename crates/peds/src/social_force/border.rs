@@ -53,8 +53,7 @@ impl Border {
         for (obstacle, polygon) in polygons.iter().enumerate() {
             let vertices: Vec<DVec2> = polygon.as_ref().iter().map(|v| v.as_dvec2()).collect();
             if vertices.len() < 2 {
-                let found = format!("{} vertices", vertices.len());
-                return Err(PedsError::Obstacle { obstacle, found, expected: "at least 2" });
+                return Err(PedsError::ObstacleVertices { obstacle, found: vertices.len() });
             }
             let edges = ring(&vertices);
             let twice_area: f64 = edges.iter().map(|[a, b]| a.perp_dot(*b)).sum();

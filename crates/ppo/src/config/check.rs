@@ -117,9 +117,9 @@ fn share(field: &str, value: f64) -> Result<(), PpoError> {
 }
 
 fn in_section(section: &str, error: SimError) -> PpoError {
-    match error {
-        SimError::Field { field, found, expected } => refuse(format!("{section}.{field}"), found, expected),
-        other => PpoError::Sim(other),
+    match error.setting() {
+        Some((field, found, expected)) => refuse(format!("{section}.{field}"), found, expected),
+        None => PpoError::Sim(error),
     }
 }
 

@@ -16,7 +16,7 @@ pub(crate) fn within(field: &str, value: f32, low: f32, high: f32) -> Result<(),
     if value >= low && value <= high {
         return Ok(());
     }
-    Err(SimError::field(field, value, format!("a number in [{low}, {high}]")))
+    Err(SimError::OutOfRange { field: field.into(), found: value, low, high, above_low: false })
 }
 
 /// `value` must lie in (0, high].
@@ -24,7 +24,7 @@ fn positive(field: &str, value: f32, high: f32) -> Result<(), SimError> {
     if value > 0.0 && value <= high {
         return Ok(());
     }
-    Err(SimError::field(field, value, format!("a number in (0, {high}]")))
+    Err(SimError::OutOfRange { field: field.into(), found: value, low: 0.0, high, above_low: true })
 }
 
 impl SimConfig {

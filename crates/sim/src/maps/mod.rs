@@ -13,7 +13,7 @@ mod polygon;
 #[cfg(feature = "yaml")]
 mod yaml;
 
-use crate::error::SimError;
+use crate::error::{SimError, one_line};
 use crate::scenario::Scenario;
 use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
@@ -45,9 +45,9 @@ pub fn load(path: &Path) -> Result<Scenario, SimError> {
         }
     };
     // A shape that the world would refuse is refused here, where the file is known.
-    scenario.build().map_err(|error| match error {
-        SimError::Field { field, found, expected } => SimError::file(path, field, found, expected),
-        other => other,
+    scenario.build().map_err(|error| match error.setting() {
+        Some((field, found, expected)) => SimError::file(path, field, found, expected),
+        None => error,
     })?;
     Ok(scenario)
 }
@@ -67,7 +67,7 @@ pub fn notes(path: &Path) -> Result<Vec<String>, SimError> {
     #[cfg(feature = "yaml")]
     {
         let ignored = grid::ignored(path)?;
-        let ignored_keys = crate::error::one_line(&ignored.join(", "));
+        let ignored_keys = one_line(&ignored.join(", "));
         let note = || format!("{}: not read: {ignored_keys}", path.display());
         Ok((!ignored.is_empty()).then(note).into_iter().collect())
     }
@@ -104,7 +104,11 @@ fn is_grid(path: &Path) -> bool {
 
 /// A file's bytes, up to the cap.
 fn read(path: &Path) -> Result<Vec<u8>, SimError> {
-    let unreadable = |error: std::io::Error| SimError::file(path, "file", error, "a readable file");
+    let unreadable = |error: std::io::Error| SimError::Unreadable {
+        path: path.to_path_buf(),
+        kind: error.kind(),
+        reason: one_line(&error.to_string()),
+    };
     // A pipe or a terminal would be waited for without an end.
     if !std::fs::metadata(path).map_err(unreadable)?.is_file() {
         return Err(SimError::file(path, "file", "something else", "a regular file"));
