@@ -95,7 +95,7 @@ fn check_toml(block: &Block) {
     } else if has("[[obstacle]]") {
         let mut config = jostle_sim::SimConfig::default();
         config.room.map = Some(path);
-        if let Err(error) = jostle_sim::Scenario::new(&config.room) {
+        if let Err(error) = jostle_sim::maps::scenario(&config.room) {
             panic!("{}: {error}", block.place);
         }
     } else if let Err(error) = jostle_ppo::Config::parse(&block.text, &block.place, NO_OVERRIDES) {

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use glam::Vec2;
-use jostle_sim::{Laser, Motion, Pose, Rooms, Scenario, Sensor, Shape, SimConfig, StreamRng, Streams, World};
+use jostle_sim::{Laser, Motion, Pose, Rooms, Sensor, Shape, SimConfig, StreamRng, Streams, World, maps};
 
 use crate::error::BenchError;
 
@@ -81,7 +81,7 @@ impl Parts {
     /// When the simulator refuses the scene.
     pub fn new(scene: Scene) -> Result<Self, BenchError> {
         let config = scene.config();
-        let mut world = Scenario::new(&config.room)?.build()?;
+        let mut world = maps::scenario(&config.room)?.build()?;
         for agent in 0..scene.n_agents {
             let position = Vec2::new((agent % 5) as f32 * 3.6 - 7.4, (agent / 5) as f32 * 3.5 - 5.2);
             let shape = Shape::Box { length: config.robot.length, width: config.robot.width };

@@ -14,7 +14,7 @@ use jostle_peds::validation::Gait;
 use jostle_peds::{Crowd, CrowdKind, Motion as Walk, Pedestrian, RoomView, Visibility};
 use jostle_sim::{
     CrashRule, Hit, Laser, Motion, Observer, Outcome, Pose, ScanSummary, Scenario, Sensor, Shape, SimConfig,
-    SpawnConfig, Spawner, Stop, StreamRng, Streams, World, apply_limits, clip_action, outcome,
+    SpawnConfig, Spawner, Stop, StreamRng, Streams, World, apply_limits, clip_action, maps, outcome,
 };
 
 use crate::config::{EvalConfig, PedestrianCrash};
@@ -81,7 +81,7 @@ impl RoomPlan {
         config.validate()?;
         let scenario = match &config.scene {
             Some(scene) => scene.scenario(),
-            None => Scenario::new(&config.sim.room)?,
+            None => maps::scenario(&config.sim.room)?,
         };
         let world = scenario.build()?;
         let spawner = Spawner::new(&spawn_settings(config), &world)?;

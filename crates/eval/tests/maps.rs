@@ -160,7 +160,7 @@ fn a_box_at_the_wall_is_a_part_of_the_wall() {
             .collect();
     let mut room = RoomConfig::default();
     (room.width, room.height) = (19.0, 19.0);
-    let plain = Scenario::new(&room).unwrap();
+    let plain = maps::scenario(&room).unwrap();
     let around = places(&[(9.2, 0.0), (9.1, 9.0), (-9.2, -8.9), (0.0, -9.3), (3.0, 2.0)]);
     alike(&polygons(&rim), &plain, DVec2::X, &around, 1e-4, 1e-4);
 }
@@ -181,7 +181,7 @@ fn a_wall_between_two_rooms_repels_once() {
 
 #[test]
 fn a_rasterised_room_is_the_same_however_it_is_turned() {
-    let plain = Scenario::new(&RoomConfig::default()).unwrap();
+    let plain = maps::scenario(&RoomConfig::default()).unwrap();
     let around =
         places(&[(9.5, 0.0), (9.4, 3.3), (9.3, 9.3), (-9.6, 2.0), (0.0, 0.0), (-9.3, -9.0), (4.0, -9.65)]);
     for degrees in [0.0_f64, 10.0, 30.0, 45.0, 77.0] {
@@ -230,7 +230,7 @@ fn pillars_and_thin_walls_of_a_grid_are_the_same_however_they_are_turned() {
 
 #[test]
 fn the_usual_room_is_what_it_was() {
-    let room = Scenario::new(&RoomConfig::default()).unwrap().boundary();
+    let room = maps::scenario(&RoomConfig::default()).unwrap().boundary();
     let corners = [(-10.0, -10.0), (-10.0, 10.0), (10.0, 10.0), (10.0, -10.0)];
     assert_eq!(room, [corners.map(Vec2::from).to_vec()]);
 }

@@ -3,7 +3,7 @@
 //! The room is that of training (`jostle_sim::Rooms`), but for one thing: a robot whose episode has ended is not placed anew.
 //! It leaves the room with its body, and the others go on until the last has left.
 
-use jostle_sim::{Rooms, Scenario, Shape, SimConfig, SimError, Streams, Transition, Whereabouts};
+use jostle_sim::{Rooms, Scenario, Shape, SimConfig, SimError, Streams, Transition, Whereabouts, maps};
 use serde::{Deserialize, Serialize};
 
 use crate::crowd_rooms::bounds;
@@ -41,7 +41,7 @@ impl RobotRoom {
     /// As [`Rooms::new`].
     pub fn new(config: &SimConfig, n_agents: usize, n_behaviours: u32, seed: u64) -> Result<Self, SimError> {
         let rooms = Rooms::new(config, 1, n_agents, n_behaviours, &Streams::new(seed))?;
-        let (scenario, actions) = (Scenario::new(&config.room)?, Vec::new());
+        let (scenario, actions) = (maps::scenario(&config.room)?, Vec::new());
         let min_clearance = (0..n_agents).map(|agent| rooms.whereabouts(agent).clearance).collect();
         Ok(Self {
             present: vec![true; n_agents],

@@ -1,6 +1,7 @@
 //! The result of a step, and the ends of an episode. Truncated and terminated are different variants: after a time limit the
 //! value of the last state counts, after an outcome it is 0.
 
+use crate::traits::Role;
 use serde::{Deserialize, Serialize};
 
 /// The reason for which an episode terminated.
@@ -48,4 +49,19 @@ pub struct EpisodeSummary {
     pub episode_return: f64,
     /// The behaviour token it was driven by.
     pub token: u32,
+}
+
+/// The result of one step for one agent.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Transition {
+    /// The clipped copy of the action.
+    pub executed: [f32; 2],
+    /// The environment's reward.
+    pub reward: f32,
+    /// The state of the episode after the step.
+    pub end: StepEnd,
+    /// The episode, if it ended.
+    pub episode: Option<EpisodeSummary>,
+    /// The agent's role in that step: a learner unless there is a training crowd.
+    pub role: Role,
 }

@@ -149,7 +149,9 @@ fn few_bodies(free_area: f32) -> String {
 }
 
 fn near_goals(largest: f32) -> String {
-    format!("at most {largest:.2} m, the largest distance between two places that can be reached from one another")
+    format!(
+        "at most {largest:.2} m, the largest distance between two places that can be reached from one another"
+    )
 }
 
 #[cfg(not(all(feature = "png", feature = "toml", feature = "yaml")))]

@@ -74,7 +74,7 @@ pub use config::{
     OBSERVATION_LEN, RewardConfig, RobotConfig, RoomConfig, SafetyZoneConfig, SimConfig, SpawnConfig,
 };
 pub use crash::{CrashRule, crash};
-pub use episode::{EpisodeSummary, Outcome, StepEnd};
+pub use episode::{EpisodeSummary, Outcome, StepEnd, Transition};
 pub use error::SimError;
 pub use geometry::{Pose, Shape};
 pub use laser::{Hit, Laser, NoiseSource, ScanScene, ScanSummary, SceneScan, Sensor};
@@ -83,7 +83,7 @@ pub use observation::Observer;
 pub use reward::{ZoneBody, outcome, reward, safety_zone};
 pub use rng::{StreamRng, Streams};
 pub use room::Whereabouts;
-pub use rooms::{Rooms, RoomsMut, Transition};
+pub use rooms::{Rooms, RoomsMut};
 pub use scenario::{REACH, Scenario, TracedArea};
 pub use spawn::Spawner;
 pub use state::RoomsState;

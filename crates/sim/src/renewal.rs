@@ -10,6 +10,7 @@
 use crate::config::SimConfig;
 use crate::error::SimError;
 use crate::geometry::{Pose, Shape};
+use crate::maps;
 use crate::rng::StreamRng;
 use crate::scenario::Scenario;
 use crate::spawn::Spawner;
@@ -40,7 +41,7 @@ impl Plan {
     ///
     /// When the room has no place for them.
     pub(crate) fn new(config: &SimConfig, crowd: &TrainingCrowd, n_agents: usize) -> Result<Self, SimError> {
-        let scenario = Scenario::new(&config.room)?;
+        let scenario = maps::scenario(&config.room)?;
         let roomy = crowd.roomy(config);
         let spawner = Spawner::new(&roomy, &scenario.build()?)?;
         spawner.check_room(n_agents)?;

@@ -7,7 +7,7 @@
 
 use crate::config::{SimConfig, SpawnConfig};
 use crate::crash::{CrashRule, crash};
-use crate::episode::{EpisodeSummary, Outcome, StepEnd};
+use crate::episode::{EpisodeSummary, Outcome, StepEnd, Transition};
 use crate::error::SimError;
 use crate::geometry::{Pose, Shape};
 use crate::laser::{Laser, ScanSummary, Sensor};
@@ -16,7 +16,6 @@ use crate::observation::Observer;
 use crate::renewal::{Plan, Renewal};
 use crate::reward::{ZoneBody, outcome, reward, safety_zone};
 use crate::rng::{StreamRng, Streams};
-use crate::rooms::Transition;
 use crate::spawn::Spawner;
 use crate::traits::{Role, TrainingCrowd, Traits};
 use crate::world::{Stop, World};

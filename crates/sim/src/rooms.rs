@@ -4,7 +4,7 @@
 //! the index r·N + a everywhere.
 
 use crate::config::SimConfig;
-use crate::episode::{EpisodeSummary, StepEnd};
+use crate::episode::Transition;
 use crate::error::SimError;
 use crate::laser::Laser;
 use crate::renewal::Plan;
@@ -14,21 +14,6 @@ use crate::traits::{Role, TrainingCrowd};
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
-
-/// What one step gave one agent.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Transition {
-    /// The clipped copy of the action.
-    pub executed: [f32; 2],
-    /// The environment's reward.
-    pub reward: f32,
-    /// What became of the episode.
-    pub end: StepEnd,
-    /// The episode, where it ended.
-    pub episode: Option<EpisodeSummary>,
-    /// What the agent was in that step; a learner where there is no training crowd.
-    pub role: Role,
-}
 
 /// R rooms of N agents.
 ///

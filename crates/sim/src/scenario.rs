@@ -1,9 +1,9 @@
-//! The static part of a world: walls and obstacles, from the configuration's rectangle or from a map file.
+//! The static part of a world: walls and obstacles.
+//!
+//! Architecture invariant: a scenario is data. [`maps`](crate::maps) makes it from a configuration or a file.
 
-use crate::config::RoomConfig;
 use crate::error::SimError;
 use crate::geometry::{Pose, Shape};
-use crate::maps;
 use crate::world::World;
 use glam::{DVec2, Vec2};
 
@@ -32,17 +32,11 @@ pub struct TracedArea {
 }
 
 impl Scenario {
-    /// The scenario of a configuration.
+    /// A rectangular room centred on the origin, without obstacles.
     ///
-    /// # Errors
-    ///
-    /// When the map file cannot be read or does not describe a map.
-    pub fn new(config: &RoomConfig) -> Result<Self, SimError> {
-        if let Some(path) = config.map_file() {
-            return maps::load(&path);
-        }
-        let half = Vec2::new(config.width, config.height) / 2.0;
-        Ok(Self { walls: (-half, half), obstacles: Vec::new(), traced: None })
+    /// `size`: extents along x and y, m.
+    pub fn rectangle(size: Vec2) -> Self {
+        Self { walls: (-size / 2.0, size / 2.0), obstacles: Vec::new(), traced: None }
     }
 
     /// A world with these walls and obstacles.

@@ -9,7 +9,7 @@ use jostle_eval::report::grid::csv_line;
 use jostle_eval::robot::{RobotPolicy, TrainedRobot};
 use jostle_sim::{
     CrashRule, Laser, Motion, Observer, Outcome, Pose, RoomConfig, Scenario, Sensor, Shape, Streams,
-    apply_limits, clip_action, outcome,
+    apply_limits, clip_action, maps, outcome,
 };
 
 use super::Figure;
@@ -41,7 +41,7 @@ pub(super) fn figure(found: &Found) -> Result<Figure> {
     let map = workspace().join("maps/obstacle.toml");
     let mut room = RoomConfig::default();
     room.map = Some(map);
-    let scenario = Scenario::new(&room)?;
+    let scenario = maps::scenario(&room)?;
     let tokens = 0..policy.file.network.n_behaviours as u32;
     let ways: Vec<Way> = tokens.map(|token| way(policy, token, &scenario)).collect::<Result<_>>()?;
     let note = format!("{}: training seed {}, {} updates", policy.identity.name, found.seed, found.updates);

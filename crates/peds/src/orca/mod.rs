@@ -8,7 +8,7 @@
 //! Dinesh Manocha; changed: see `NOTICE`.
 //!
 //! Reading order: `line` (a half-plane of allowed velocities), `agent_lines` and `obstacle_lines` (how they arise),
-//! `linear_program` (the velocity they leave), `agent_tree` and `obstacle_tree` (who is near), `simulator` (a step),
+//! `linear_program` (the velocity they leave), `agent_tree`, `vertex`, `obstacle_tree` and `obstacle` (near agents and edges), `simulator` (a step),
 //! `crowd` (crowd VO on top).
 //!
 //! # Departures
@@ -30,6 +30,7 @@ mod obstacle;
 mod obstacle_lines;
 mod obstacle_tree;
 mod simulator;
+mod vertex;
 
 pub use agent::AgentParameters;
 pub use crowd::{OrcaConfig, OrcaCrowd};

@@ -12,22 +12,12 @@ use glam::Vec2;
 use super::{
     line::{left_of, normalise},
     obstacle_tree::ObstacleTree,
+    vertex::Vertex,
 };
 use crate::{PedsError, error::checked};
 
 /// Least length of an edge, m.
 const EDGE_MIN: f32 = 1e-3;
-
-/// A vertex and the edge that leaves it.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Vertex {
-    pub(super) point: Vec2,
-    /// Unit vector to the next vertex.
-    pub(super) direction: Vec2,
-    pub(super) next: u32,
-    pub(super) previous: u32,
-    pub(super) is_convex: bool,
-}
 
 /// The obstacles of a room, with the tree that finds the visible edges. Immutable: many simulators share one by `Arc`.
 #[derive(Debug, Clone, Default)]

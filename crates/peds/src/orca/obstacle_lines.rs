@@ -16,12 +16,12 @@ use super::{
     EPSILON,
     agent::Agent,
     line::{Line, det, normalise, over},
-    obstacle::Vertex,
     obstacle_tree::ObstacleNeighbour,
+    vertex::Vertex,
 };
 
 /// The contribution of an edge.
-enum Outcome {
+enum Contribution {
     /// A line.
     Line(Line),
     /// Nothing: another edge takes care of it.
@@ -45,7 +45,7 @@ pub(super) fn push_obstacle_lines(
             continue;
         }
         let edge = Edge { left, right, relative_left, relative_right };
-        if let Outcome::Line(line) = edge_line(agent, vertices, neighbour.vertex, &edge, inv_horizon) {
+        if let Contribution::Line(line) = edge_line(agent, vertices, neighbour.vertex, &edge, inv_horizon) {
             lines.push(line);
         }
     }
@@ -84,7 +84,7 @@ struct Cone {
     right_leg: Vec2,
 }
 
-fn edge_line(agent: &Agent, vertices: &[Vertex], index: u32, edge: &Edge, inv_horizon: f32) -> Outcome {
+fn edge_line(agent: &Agent, vertices: &[Vertex], index: u32, edge: &Edge, inv_horizon: f32) -> Contribution {
     let radius_sq = agent.parameters.radius * agent.parameters.radius;
     let along = edge.right.point - edge.left.point;
     // Foot of the agent on the edge's line, in units of the edge.
@@ -96,25 +96,28 @@ fn edge_line(agent: &Agent, vertices: &[Vertex], index: u32, edge: &Edge, inv_ho
     }
     match cone(agent.parameters.radius, edge, s, line_distance_sq, radius_sq) {
         Some(cone) => project(agent, vertices, index, &cone, inv_horizon),
-        None => Outcome::Nothing,
+        None => Contribution::Nothing,
     }
 }
 
 /// The half-plane of a disc that touches the edge already: it moves away from it at once.
-fn collision(edge: &Edge, s: f32, line_distance_sq: f32, radius_sq: f32) -> Option<Outcome> {
+fn collision(edge: &Edge, s: f32, line_distance_sq: f32, radius_sq: f32) -> Option<Contribution> {
     let away_from = |relative: Vec2| {
-        Outcome::Line(Line { point: Vec2::ZERO, direction: normalise(Vec2::new(-relative.y, relative.x)) })
+        Contribution::Line(Line {
+            point: Vec2::ZERO,
+            direction: normalise(Vec2::new(-relative.y, relative.x)),
+        })
     };
     if s < 0.0 && edge.relative_left.length_squared() <= radius_sq {
         // A reflex corner is the neighbouring edge's business.
-        return Some(if edge.left.is_convex { away_from(edge.relative_left) } else { Outcome::Nothing });
+        return Some(if edge.left.is_convex { away_from(edge.relative_left) } else { Contribution::Nothing });
     }
     if s > 1.0 && edge.relative_right.length_squared() <= radius_sq {
         let is_ours = edge.right.is_convex && det(edge.relative_right, edge.right.direction) >= 0.0;
-        return Some(if is_ours { away_from(edge.relative_right) } else { Outcome::Nothing });
+        return Some(if is_ours { away_from(edge.relative_right) } else { Contribution::Nothing });
     }
     if (0.0..=1.0).contains(&s) && line_distance_sq <= radius_sq {
-        return Some(Outcome::Line(Line { point: Vec2::ZERO, direction: -edge.left.direction }));
+        return Some(Contribution::Line(Line { point: Vec2::ZERO, direction: -edge.left.direction }));
     }
     None
 }
@@ -161,7 +164,7 @@ fn tangent_right(p: Vec2, radius: f32, radius_sq: f32) -> Vec2 {
 }
 
 /// The line through the nearest point of the velocity obstacle's boundary to the present velocity.
-fn project(agent: &Agent, vertices: &[Vertex], index: u32, cone: &Cone, inv_horizon: f32) -> Outcome {
+fn project(agent: &Agent, vertices: &[Vertex], index: u32, cone: &Cone, inv_horizon: f32) -> Contribution {
     let Cone { left, right, is_point, mut left_leg, mut right_leg } = *cone;
     let velocity = agent.velocity;
     let margin = agent.parameters.radius * inv_horizon;
@@ -188,7 +191,10 @@ fn project(agent: &Agent, vertices: &[Vertex], index: u32, cone: &Cone, inv_hori
 
     let on_circle = |centre: Vec2| {
         let unit_w = normalise(velocity - centre);
-        Outcome::Line(Line { point: centre + margin * unit_w, direction: Vec2::new(unit_w.y, -unit_w.x) })
+        Contribution::Line(Line {
+            point: centre + margin * unit_w,
+            direction: Vec2::new(unit_w.y, -unit_w.x),
+        })
     };
     if (t < 0.0 && t_left < 0.0) || (is_point && t_left < 0.0 && t_right < 0.0) {
         return on_circle(left_cutoff);
@@ -205,14 +211,14 @@ fn project(agent: &Agent, vertices: &[Vertex], index: u32, cone: &Cone, inv_hori
     let right_sq = distance_sq(t_right < 0.0, right_cutoff + t_right * right_leg);
 
     let along = |start: Vec2, direction: Vec2| {
-        Outcome::Line(Line { point: start + margin * Vec2::new(-direction.y, direction.x), direction })
+        Contribution::Line(Line { point: start + margin * Vec2::new(-direction.y, direction.x), direction })
     };
     if cutoff_sq <= left_sq && cutoff_sq <= right_sq {
         // With both legs from one vertex this is out of reach, so the edge is the neighbour itself.
         return along(left_cutoff, -vertices[index as usize].direction);
     }
     if left_sq <= right_sq {
-        return if left_is_foreign { Outcome::Nothing } else { along(left_cutoff, left_leg) };
+        return if left_is_foreign { Contribution::Nothing } else { along(left_cutoff, left_leg) };
     }
-    if right_is_foreign { Outcome::Nothing } else { along(right_cutoff, -right_leg) }
+    if right_is_foreign { Contribution::Nothing } else { along(right_cutoff, -right_leg) }
 }

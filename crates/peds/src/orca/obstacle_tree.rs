@@ -12,7 +12,7 @@ use glam::Vec2;
 use super::{
     EPSILON,
     line::{det, left_of},
-    obstacle::Vertex,
+    vertex::Vertex,
 };
 
 const NONE: u32 = u32::MAX;

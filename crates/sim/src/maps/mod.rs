@@ -1,4 +1,4 @@
-//! Maps: polygon files and ROS occupancy grids, turned into walls and obstacles.
+//! Scenarios from a configuration: its rectangle, or a map file. Polygon files and ROS occupancy grids become walls and obstacles.
 //!
 //! A refusal names the file, the field, what was found and what was expected. Sizes are capped before anything of that size
 //! is allocated. A format whose feature is off is refused by [`SimError::Feature`].
@@ -13,8 +13,10 @@ mod polygon;
 #[cfg(feature = "yaml")]
 mod yaml;
 
+use crate::config::RoomConfig;
 use crate::error::{SimError, one_line};
 use crate::scenario::Scenario;
+use glam::Vec2;
 use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
 use std::io::Read;
@@ -22,6 +24,29 @@ use std::path::Path;
 
 /// Largest map file that is read, bytes.
 const FILE_MAX: u64 = 64 << 20;
+
+/// The scenario of a configuration: its map, or the rectangle if it names none.
+///
+/// # Errors
+///
+/// As [`load`].
+///
+/// # Examples
+///
+/// ```
+/// use jostle_sim::{RoomConfig, maps};
+/// let mut room = RoomConfig::default();
+/// room.width = 8.0;
+/// let (least, largest) = maps::scenario(&room)?.walls;
+/// assert_eq!((least.x, largest.x), (-4.0, 4.0));
+/// # Ok::<(), jostle_sim::SimError>(())
+/// ```
+pub fn scenario(config: &RoomConfig) -> Result<Scenario, SimError> {
+    match config.map_file() {
+        Some(path) => load(&path),
+        None => Ok(Scenario::rectangle(Vec2::new(config.width, config.height))),
+    }
+}
 
 /// Reads a map: `.toml` (feature `toml`) or `.json` for polygons, `.yaml` or `.yml` (feature `yaml`) for a ROS map.
 ///
