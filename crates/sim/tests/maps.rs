@@ -103,7 +103,8 @@ fn bad_grids_are_refused_in_one_line() {
     assert!(yaml("negate: 0", "mode: costmap\nnegate: 0", good).starts_with("m.yaml: mode: found costmap"));
     assert!(yaml("negate: 0", "negate: 0\nnegate: 1", good).starts_with("m.yaml: negate: found a second"));
     assert!(yaml("image: m.pgm", "image: [m.pgm]", good).starts_with("m.yaml: image: found [m.pgm]"));
-    assert!(yaml("image: m.pgm", "image: [m.pgm", good).starts_with("m.yaml: line "));
+    let message = yaml("image: m.pgm", "image: [m.pgm", good);
+    assert!(message.starts_with("m.yaml: line 2, column 11: found "), "{message}");
     assert!(yaml("negate: 0\n", "", good).starts_with("m.yaml: negate: found nothing"));
     assert!(yaml("negate", "negative", good).starts_with("m.yaml: negate: found nothing"));
     assert!(yaml("m.pgm", "n.pgm", good).starts_with("n.pgm: file: found No such file"));

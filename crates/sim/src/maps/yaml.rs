@@ -221,8 +221,9 @@ impl<'a> Reader<'a> {
         match self.parser.next() {
             Some(Ok((event, _))) => Ok(event),
             Some(Err(error)) => {
-                let line = format!("line {}", error.marker().line());
-                Err(SimError::file(self.path, line, error.info(), "YAML"))
+                let (line, column) = (error.marker().line(), error.marker().col() + 1);
+                let place = format!("line {line}, column {column}");
+                Err(SimError::file(self.path, place, error.info(), "YAML"))
             }
             None => Err(SimError::file(self.path, "content", "the end of the file", "a whole mapping")),
         }
