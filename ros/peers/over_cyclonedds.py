@@ -1,7 +1,5 @@
 """The robot's topics by Eclipse Cyclone DDS, an implementation of DDS that shares nothing with the others; no ROS at all."""
 
-from __future__ import annotations
-
 import math
 import os
 import threading
@@ -133,11 +131,11 @@ class Link:
         kind = TwistStamped if stamped else Twist
         topic = Topic(self.participant, "rt/cmd_vel", kind, qos=_qos(True))
         self.reader = DataReader(self.participant, topic, qos=_qos(True))
-        self.stamped, self.on_command, self.closed = stamped, on_command, False
+        self.stamped, self.on_command = stamped, on_command
         threading.Thread(target=self._read, daemon=True).start()
 
     def _read(self) -> None:
-        while not self.closed:
+        while True:
             for message in self.reader.take_iter(timeout=duration(milliseconds=200)):
                 if isinstance(message, InvalidSample):
                     continue
@@ -170,6 +168,3 @@ class Link:
 
     def send_goal(self, stamp: int, x: float, y: float) -> None:
         self.goals.write(PoseStamped(_header(stamp, "odom"), Pose(Point(x, y), Quaternion())))
-
-    def close(self) -> None:
-        self.closed = True

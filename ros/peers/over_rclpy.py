@@ -80,8 +80,3 @@ class Link:
         message.pose.position.x, message.pose.position.y = x, y
         message.pose.orientation.w = 1.0
         self.goals.publish(message)
-
-    def close(self) -> None:
-        self.executor.shutdown()
-        self.node.destroy_node()
-        rclpy.try_shutdown()

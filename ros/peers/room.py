@@ -11,7 +11,7 @@ RANGE_MAX = 10.0
 HALF_ROOM = 5.0
 START = (-4.0, -3.0, 0.6)
 GOAL = (3.8, 3.2)
-STANDING = [(-1.8, -1.2, 0.3), (0.6, 1.4, 0.35), (1.6, -1.8, 0.3)]
+STANDING = [(-1.8, -1.2, 0.3), (0.3, 0.2, 0.35), (1.6, -1.8, 0.3)]
 # Walks from one end to the other and back: ends, radius, speed.
 WALKER = ((-1.0, 2.5), (2.5, 0.2), 0.25, 0.5)
 # A base stops by itself when no command has come for this long (s), as real ones do.

@@ -79,15 +79,27 @@ pub enum RosError {
     },
     /// No policy where one was named.
     #[error(transparent)]
-    Runs(#[from] RunsError),
+    Runs(Box<RunsError>),
     /// The policy refused.
     #[error(transparent)]
-    Eval(#[from] EvalError),
+    Eval(Box<EvalError>),
 }
 
 impl RosError {
     /// For `map_err` on the transport's operations.
     pub(crate) fn transport<E: std::fmt::Display>(action: &'static str) -> impl FnOnce(E) -> Self {
         move |reason| Self::Transport { action, reason: reason.to_string() }
+    }
+}
+
+impl From<RunsError> for RosError {
+    fn from(error: RunsError) -> Self {
+        Self::Runs(Box::new(error))
+    }
+}
+
+impl From<EvalError> for RosError {
+    fn from(error: EvalError) -> Self {
+        Self::Eval(Box::new(error))
     }
 }

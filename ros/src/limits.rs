@@ -51,8 +51,8 @@ mod tests {
 
     use super::*;
 
-    fn limits(params: CommandParams) -> Limits {
-        Limits::new(&RobotConfig::default(), &params)
+    fn limits(params: &CommandParams) -> Limits {
+        Limits::new(&RobotConfig::default(), params)
     }
 
     fn at(angle: f64, range: f64) -> Return {
@@ -61,20 +61,20 @@ mod tests {
 
     #[test]
     fn commands_are_within_the_limits_whatever_the_policy_says() {
-        let own = limits(CommandParams::default());
+        let own = limits(&CommandParams::default());
         assert_eq!(own.apply([5.0, -9.0], &[]), Some([1.0, -1.0]));
         assert_eq!(own.apply([-1.0, 0.5], &[]), Some([0.0, 0.5]));
-        let slow = limits(CommandParams { v_max: Some(0.25), w_max: Some(0.5), ..CommandParams::default() });
+        let slow = limits(&CommandParams { v_max: Some(0.25), w_max: Some(0.5), ..CommandParams::default() });
         assert_eq!(slow.apply([1.0, 1.0], &[]), Some([0.25, 0.5]));
         assert_eq!(slow.apply([0.125, -0.25], &[]), Some([0.125, -0.25]));
         // A limit above the robot's own is none.
-        let fast = limits(CommandParams { v_max: Some(3.0), ..CommandParams::default() });
+        let fast = limits(&CommandParams { v_max: Some(3.0), ..CommandParams::default() });
         assert_eq!(fast.apply([2.0, 0.0], &[]), Some([1.0, 0.0]));
     }
 
     #[test]
     fn numbers_that_are_none_are_no_command() {
-        let own = limits(CommandParams::default());
+        let own = limits(&CommandParams::default());
         for action in [[f32::NAN, 0.0], [0.0, f32::NAN], [f32::INFINITY, 0.0], [0.0, f32::NEG_INFINITY]] {
             assert_eq!(own.apply(action, &[]), None);
         }
@@ -82,16 +82,16 @@ mod tests {
 
     #[test]
     fn nobody_drives_on_within_the_stop_distance() {
-        let careful = limits(CommandParams { stop_distance: Some(0.6), ..CommandParams::default() });
+        let careful = limits(&CommandParams { stop_distance: Some(0.6), ..CommandParams::default() });
         assert_eq!(careful.apply([1.0, 0.5], &[at(0.3, 0.59)]), Some([0.0, 0.5]));
         assert_eq!(careful.apply([1.0, 0.5], &[at(0.3, 0.61)]), Some([1.0, 0.5]));
         // Behind the robot it does not count; on the arc's edge it does.
         assert_eq!(careful.apply([1.0, 0.5], &[at(PI, 0.1)]), Some([1.0, 0.5]));
         assert_eq!(careful.apply([1.0, 0.5], &[at(PI / 2.0 + 0.005, 0.1)]), Some([0.0, 0.5]));
         let all_round =
-            limits(CommandParams { stop_distance: Some(0.6), stop_arc: 7.0, ..CommandParams::default() });
+            limits(&CommandParams { stop_distance: Some(0.6), stop_arc: 7.0, ..CommandParams::default() });
         assert_eq!(all_round.apply([1.0, 0.0], &[at(PI, 0.1)]), Some([0.0, 0.0]));
-        let off = limits(CommandParams::default());
+        let off = limits(&CommandParams::default());
         assert_eq!(off.apply([1.0, 0.0], &[at(0.0, 0.0)]), Some([1.0, 0.0]));
     }
 }

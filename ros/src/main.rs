@@ -12,6 +12,7 @@ use jostle_ros::{Driver, Params, RosError, guard, policy};
 
 /// Drive a ROS 2 robot by a policy: scan, odometry and goal in, velocity commands out.
 #[derive(Parser)]
+#[expect(clippy::doc_markdown, reason = "these comments are the help, where backticks would be noise")]
 #[command(
     name = "jostle-ros",
     version,

@@ -13,7 +13,9 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use ros2_client::qos::{Durability, History, QosProfile, WhenFull};
-use ros2_client::{Context, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher, Subscription};
+use ros2_client::{
+    Context, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher, Subscription, WriteError,
+};
 use rustdds::DomainParticipantBuilder;
 use rustdds::mio1::unix::SourceFd;
 use rustdds::mio1::{Events, Interest, Poll, Token};
@@ -29,6 +31,8 @@ const SIGNAL: Token = Token(0);
 const SCAN: Token = Token(1);
 const ODOM: Token = Token(2);
 const GOAL: Token = Token(3);
+/// Periods without a turn of the loop after which it is taken to hang. It turns at each beat, which may come a window late.
+const LONGEST: f64 = 1.75;
 /// Zero commands at the end, and the time between them.
 const LAST: (u32, Duration) = (3, Duration::from_millis(15));
 
@@ -119,14 +123,21 @@ impl Out {
         let linear = Vector3 { x: command.v, ..Vector3::default() };
         let angular = Vector3 { z: command.w, ..Vector3::default() };
         let twist = Twist { linear, angular };
-        let action = "publish a command";
         match &self.commands {
-            Commands::Twist(publisher) => publisher.publish(twist).map_err(RosError::transport(action)),
+            Commands::Twist(publisher) => sent(publisher.publish(twist)),
             Commands::Stamped(publisher) => {
                 let header = Header { stamp: command.stamp, frame_id: self.frame.clone() };
-                publisher.publish(TwistStamped { header, twist }).map_err(RosError::transport(action))
+                sent(publisher.publish(TwistStamped { header, twist }))
             }
         }
+    }
+}
+
+/// A subscriber that is dead or asleep may leave no room for a command; the next one follows within a period.
+fn sent<M>(result: Result<(), WriteError<M>>) -> Result<(), RosError> {
+    match result {
+        Ok(()) | Err(WriteError::WouldBlock { .. }) => Ok(()),
+        Err(error) => Err(RosError::transport("publish a command")(error)),
     }
 }
 
@@ -177,7 +188,12 @@ impl RosNode {
     ) -> Result<Traffic, RosError> {
         let pulse = Arc::new(Pulse::default());
         let started = Instant::now();
-        let watch = watch(Arc::clone(&pulse), Arc::clone(&self.out), started, self.driver.period());
+        let out = Arc::clone(&self.out);
+        let watch = watch(Arc::clone(&pulse), started, self.driver.period(), move || {
+            let zero = Command { v: 0.0, w: 0.0, stamp: Time::default(), stop: Some(Stop::Exit) };
+            // The loop's own publishing tells of a transport that fails.
+            let _ = out.publish(&zero);
+        });
         let mut traffic = Traffic::default();
         let ended =
             catch_unwind(AssertUnwindSafe(|| self.turn(started, &pulse, &mut traffic, ends, &mut report)));
@@ -274,18 +290,22 @@ fn take_all<M: 'static + DeserializeOwned>(
     }
 }
 
-/// Publishes zero commands while the loop hangs.
-fn watch(pulse: Arc<Pulse>, out: Arc<Out>, started: Instant, period: f64) -> std::thread::JoinHandle<()> {
+/// Calls `stop` again and again while the loop hangs and the robot drives.
+fn watch(
+    pulse: Arc<Pulse>,
+    started: Instant,
+    period: f64,
+    stop: impl Fn() + Send + 'static,
+) -> std::thread::JoinHandle<()> {
     let pause = Duration::from_secs_f64(period / 4.0);
-    let longest = 2000.0 * period;
+    let longest = Duration::from_secs_f64(LONGEST * period).as_millis() as u64;
     std::thread::spawn(move || {
         while !pulse.ended.load(Ordering::SeqCst) {
             std::thread::sleep(pause);
-            let silent = started.elapsed().as_millis() as u64 - pulse.last.load(Ordering::SeqCst);
-            if silent as f64 > longest && pulse.driving.load(Ordering::SeqCst) {
-                let zero = Command { v: 0.0, w: 0.0, stamp: Time::default(), stop: None };
-                // The loop's own publishing tells of a transport that fails.
-                let _ = out.publish(&zero);
+            let now = started.elapsed().as_millis() as u64;
+            let silent = now.saturating_sub(pulse.last.load(Ordering::SeqCst));
+            if silent > longest && pulse.driving.load(Ordering::SeqCst) {
+                stop();
             }
         }
     })
@@ -446,6 +466,26 @@ mod tests {
         let named: IpAddr = "192.168.1.2".parse().unwrap();
         assert_eq!(interfaces(&[named], Some("LOCALHOST"), None).unwrap(), [named]);
         assert!(interfaces(&[], Some("OFF"), None).unwrap_err().to_string().contains("found OFF"));
+    }
+
+    #[test]
+    fn a_loop_that_hangs_while_the_robot_drives_is_a_stop() {
+        let (calls, stops) = std::sync::mpsc::channel();
+        let pulse = Arc::new(Pulse::default());
+        let started = Instant::now();
+        let watch = watch(Arc::clone(&pulse), started, 0.04, move || {
+            let _ = calls.send(());
+        });
+        // It stands: nothing has to be stopped.
+        assert!(stops.recv_timeout(Duration::from_millis(200)).is_err());
+        pulse.driving.store(true, Ordering::SeqCst);
+        assert!(stops.recv_timeout(Duration::from_secs(5)).is_ok());
+        // It turns.
+        let millis = started.elapsed().as_millis() as u64;
+        pulse.last.store(millis + 3_600_000, Ordering::SeqCst);
+        while stops.recv_timeout(Duration::from_millis(200)).is_ok() {}
+        pulse.ended.store(true, Ordering::SeqCst);
+        watch.join().unwrap();
     }
 
     #[test]

@@ -328,7 +328,7 @@ impl Params {
     }
 }
 
-/// Largest domain whose ports exist on every system (ROS 2, "The ROS_DOMAIN_ID").
+/// Largest domain whose ports exist on every system (ROS 2, "The `ROS_DOMAIN_ID`").
 pub const MAX_DOMAIN: u16 = 232;
 
 /// serde's message on a key that is none, in one line and with the key that was probably meant.
@@ -355,13 +355,11 @@ mod tests {
     fn the_commented_file_holds_every_key_at_its_default() {
         assert_eq!(Params::parse(DEFAULTS, "params.toml").expect("valid"), Params::default());
         // Optional keys are comments; with them it holds all that there are.
-        let full: String = DEFAULTS
-            .lines()
-            .map(|line| {
-                let key = line.strip_prefix("# ").filter(|rest| rest.split(' ').nth(1) == Some("="));
-                format!("{}\n", key.unwrap_or(line))
-            })
-            .collect();
+        let optional = |line: &'static str| {
+            let key = line.strip_prefix("# ").filter(|rest| rest.split(' ').nth(1) == Some("="));
+            key.unwrap_or(line)
+        };
+        let full = DEFAULTS.lines().map(optional).collect::<Vec<_>>().join("\n");
         let written: toml::Table = full.parse().expect("TOML");
         Params::parse(&full, "params.toml").expect("valid");
         for (section, known) in [

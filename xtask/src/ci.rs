@@ -3,7 +3,7 @@
 //! All steps that build use the release profile, so that a cold machine builds the dependencies once for checking and
 //! once for running. Every tool's own output stays visible; each step ends with one line of ours, with its time.
 //!
-//! What needs more than Rust is asked for by name (`--web`, `--python`, `--slurm`) and then runs alone. The book needs mdBook, which cargo
+//! What needs more than Rust is asked for by name (`--web`, `--python`, `--ros`, `--slurm`) and then runs alone. The book needs mdBook, which cargo
 //! installs once; where that cannot be had, the step is skipped and says so: what the book claims is tested anyway.
 
 use std::path::Path;
@@ -16,14 +16,14 @@ use clap::Args;
 use crate::progress::clock;
 use crate::provenance::workspace;
 use crate::tools::MDBOOK;
-use crate::{browser, cluster, output, python};
+use crate::{browser, cluster, output, python, ros};
 
 /// Arguments of `ci`.
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  cargo xtask ci\n  cargo xtask ci --keep-going\n  cargo xtask ci --python\n  \
     cargo xtask ci --web --book\n\n\
-    Without --web, --book, --slurm and --python: format, lints, documentation, tests, doctests, sets of features, book. With them: these checks alone."
+    Without --web, --book, --slurm, --python and --ros: format, lints, documentation, tests, doctests, sets of features, book. With them: these checks alone."
 )]
 #[expect(clippy::struct_excessive_bools, reason = "each is a flag of the command line")]
 pub(crate) struct CiArgs {
@@ -44,6 +44,9 @@ pub(crate) struct CiArgs {
     /// of a local sweep. Needs Slurm, munge and unshare (root); on Debian they are installed.
     #[arg(long)]
     slurm: bool,
+    /// Check the ROS 2 node in ros/, and drive it in closed loops with rclpy and Cyclone DDS, which pip installs into target/.
+    #[arg(long)]
+    ros: bool,
 }
 
 /// A step that calls cargo.
@@ -159,6 +162,10 @@ fn checks(args: &CiArgs) -> Vec<Check<'static>> {
     }
     if args.python {
         let steps = python::STEPS.iter();
+        checks.extend(steps.map(|(name, work)| -> Check { (name, Box::new(|| Ok(Verdict::of(work()?)))) }));
+    }
+    if args.ros {
+        let steps = ros::STEPS.iter();
         checks.extend(steps.map(|(name, work)| -> Check { (name, Box::new(|| Ok(Verdict::of(work()?)))) }));
     }
     if checks.is_empty() {

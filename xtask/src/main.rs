@@ -40,6 +40,7 @@ mod provenance;
 mod python;
 mod replay;
 mod reproduce;
+mod ros;
 mod run_folder;
 mod runs;
 mod ship;

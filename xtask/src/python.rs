@@ -18,7 +18,7 @@ const LEAST: (u32, u32) = (3, 11);
 const TORCH_INDEX: &str = "https://download.pytorch.org/whl/cpu";
 
 /// What a step does; whether it passed.
-type Work = fn() -> Result<bool>;
+pub(crate) type Work = fn() -> Result<bool>;
 
 /// The steps by their names.
 pub(crate) const STEPS: [(&str, Work); 3] = [("py-clippy", clippy), ("py-setup", set_up), ("py-tests", test)];
@@ -58,9 +58,13 @@ fn test() -> Result<bool> {
 }
 
 fn run(command: &mut Command) -> Result<bool> {
+    run_in(&workspace(), command)
+}
+
+/// Runs a program in a folder; whether it succeeded.
+pub(crate) fn run_in(folder: &Path, command: &mut Command) -> Result<bool> {
     let program = command.get_program().to_string_lossy().into_owned();
-    let status =
-        command.current_dir(workspace()).status().with_context(|| format!("cannot start {program}"))?;
+    let status = command.current_dir(folder).status().with_context(|| format!("cannot start {program}"))?;
     Ok(status.success())
 }
 
@@ -74,7 +78,7 @@ fn in_environment(program: &str) -> PathBuf {
 }
 
 /// A Python that is new enough: the one that the variable PYTHON names, else the first on the path.
-fn system_python() -> Result<PathBuf> {
+pub(crate) fn system_python() -> Result<PathBuf> {
     let named = std::env::var_os("PYTHON").map(PathBuf::from);
     let candidates = named.map_or_else(|| vec!["python3".into(), "python".into()], |python| vec![python]);
     let mut found = Vec::new();

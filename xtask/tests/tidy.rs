@@ -249,7 +249,7 @@ fn text(path: &Path) -> String {
 fn sources(root: &Path) -> Vec<PathBuf> {
     let mut found = Vec::new();
     let mut folders: Vec<PathBuf> = if root == workspace() {
-        vec![root.join("crates"), root.join("xtask")]
+        vec![root.join("crates"), root.join("xtask"), root.join("ros")]
     } else {
         vec![root.to_owned()]
     };

@@ -98,7 +98,7 @@ fn arrives(python: &Path, over: Over, policy: &str) {
     let folder = folder(&format!("drive-{}", over.name()));
     let node = Node::start(&folder, over, policy, "[command]\ntype = \"TwistStamped\"\n");
     let robot = Peer::robot(python, &folder, over, true, None);
-    robot.wait(Duration::from_secs(60));
+    robot.wait(Duration::from_mins(1));
     let said = node.stop();
     let entries = read(&folder.join("robot.ndjson"));
     let why = || format!("{}: see {}", over.name(), folder.display());
@@ -215,5 +215,5 @@ fn assert_loopback() {
             assert_eq!((numbers[0], numbers[8]), (0, 0), "{} carried something", name.trim());
         }
     }
-    assert!(loopback > 1_000_000, "the loopback carried {loopback} bytes");
+    assert!(loopback > 100_000, "the loopback carried {loopback} bytes");
 }
