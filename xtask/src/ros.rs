@@ -27,9 +27,10 @@ const PEERS: [&str; 6] = [
 const LOOPBACK: &str = "ip link set lo up && ip link set lo multicast on && ip route add 239.0.0.0/8 dev lo";
 
 /// The steps by their names.
-pub(crate) const STEPS: [(&str, Work); 5] = [
+pub(crate) const STEPS: [(&str, Work); 6] = [
     ("ros-fmt", || cargo(&["fmt", "--check"])),
     ("ros-clippy", || cargo(&["clippy", "--release", "--all-targets", "--quiet", "--", "-D", "warnings"])),
+    ("ros-docs", || cargo(&["doc", "--release", "--no-deps", "--quiet"])),
     ("ros-tests", || cargo(&["test", "--release"])),
     ("ros-setup", set_up),
     ("ros-loops", drive),
@@ -37,7 +38,9 @@ pub(crate) const STEPS: [(&str, Work); 5] = [
 
 /// cargo in the workspace of the node. It shares this one's target folder, and so what both build of the same crates.
 fn cargo(arguments: &[&str]) -> Result<bool> {
-    run_in(&folder(), Command::new(program()).args(arguments).env("CARGO_TARGET_DIR", target()?))
+    let mut command = Command::new(program());
+    command.args(arguments).env("CARGO_TARGET_DIR", target()?).env("RUSTDOCFLAGS", "-D warnings");
+    run_in(&folder(), &mut command)
 }
 
 /// Makes the environment where there is none, and installs the peers.
