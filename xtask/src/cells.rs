@@ -4,11 +4,11 @@ use std::path::Path;
 use std::time::Instant;
 
 use anyhow::Result;
-use jostle_eval::crowds::check_observation;
+use jostle_arena::crowds::check_observation;
+use jostle_arena::room::RoomPlan;
+use jostle_arena::{Driver, Robot};
 use jostle_eval::protocol::{CellRun, Protocol, Subject};
 use jostle_eval::report::CellTiming;
-use jostle_eval::room::RoomPlan;
-use jostle_eval::{Driver, Robot};
 use jostle_peds::CrowdKind;
 
 use crate::output::note;

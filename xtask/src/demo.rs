@@ -7,8 +7,8 @@ use std::time::Instant;
 
 use anyhow::Result;
 use clap::Args;
-use jostle_eval::Planner;
-use jostle_eval::crowds::Pools;
+use jostle_arena::Planner;
+use jostle_arena::crowds::Pools;
 use jostle_eval::protocol::Protocol;
 use jostle_peds::CrowdKind;
 

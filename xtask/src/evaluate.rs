@@ -6,10 +6,10 @@ use std::process::ExitCode;
 
 use anyhow::{Context as _, Result, bail};
 use clap::Args;
-use jostle_eval::config::EvalConfig;
+use jostle_arena::config::ArenaConfig;
+use jostle_arena::room::RoomPlan;
 use jostle_eval::protocol::Protocol;
 use jostle_eval::report::{CellTiming, Evaluation, timings_csv};
-use jostle_eval::room::RoomPlan;
 use jostle_peds::CrowdKind;
 use jostle_sim::SimConfig;
 
@@ -79,7 +79,7 @@ pub(crate) fn run(args: &EvaluateArgs) -> Result<ExitCode> {
 fn run_suite(args: &EvaluateArgs, name: &str) -> Result<ExitCode> {
     let crowds = args.crowds()?;
     let driver = policies::driver(&args.policy)?;
-    let EvalConfig { sim, n_agents, .. } = driver.config()?;
+    let ArenaConfig { sim, n_agents, .. } = driver.config()?;
     let base = args.protocol(sim, n_agents, &crowds)?;
     let asked = Asked {
         suite: suite::open(name)?,
@@ -97,7 +97,7 @@ fn run_suite(args: &EvaluateArgs, name: &str) -> Result<ExitCode> {
 pub(crate) fn evaluate(args: &EvaluateArgs) -> Result<Evaluation> {
     let crowds = args.crowds()?;
     let driver = policies::driver(&args.policy)?;
-    let EvalConfig { sim, n_agents, .. } = driver.config()?;
+    let ArenaConfig { sim, n_agents, .. } = driver.config()?;
     let protocol = args.protocol(sim, n_agents, &crowds)?;
     let cell = |crowd| Cell { protocol: &protocol, driver: &driver, token: args.token, crowd };
     for &crowd in &crowds {
@@ -142,11 +142,11 @@ impl EvaluateArgs {
 
     /// The episodes for a policy that was trained in rooms like `sim` with so many agents.
     fn protocol(&self, sim: SimConfig, trained_with: usize, crowds: &[CrowdKind]) -> Result<Protocol> {
-        let config = EvalConfig {
+        let config = ArenaConfig {
             sim,
             n_agents: self.agents.unwrap_or(trained_with),
             seed: self.seed,
-            ..EvalConfig::default()
+            ..ArenaConfig::default()
         };
         maps::tell(&config.sim.room)?;
         Ok(Protocol::new(config, policies::pools(&self.pool, &self.pool_half, crowds)?)?)

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use jostle_eval::{Driver, LoadedPolicy, Pools};
+use jostle_arena::{Driver, LoadedPolicy, Pools};
 use jostle_peds::CrowdKind;
 
 /// The checkpoint that a path means: the file itself, or a run's newest.

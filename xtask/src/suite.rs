@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
-use jostle_eval::Driver;
-use jostle_eval::config::EvalConfig;
-use jostle_eval::crowds::Pools;
+use jostle_arena::Driver;
+use jostle_arena::config::ArenaConfig;
+use jostle_arena::crowds::Pools;
 use jostle_eval::protocol::Protocol;
 use jostle_eval::report::{CellTiming, SceneResult, SuiteReport, timings_csv};
 use jostle_eval::suite::Suite;
@@ -36,7 +36,7 @@ pub(crate) fn open(name: &str) -> Result<Suite> {
 }
 
 /// Runs all cells, prints the report and writes it beside the records.
-pub(crate) fn run(asked: &Asked<'_>, base: &EvalConfig, pools: &Pools) -> Result<()> {
+pub(crate) fn run(asked: &Asked<'_>, base: &ArenaConfig, pools: &Pools) -> Result<()> {
     let protocols = asked
         .suite
         .scenes

@@ -7,9 +7,9 @@ use std::process::ExitCode;
 
 use anyhow::{Context as _, Result, bail, ensure};
 use clap::{Args, Subcommand};
-use jostle_eval::Planner;
+use jostle_arena::Planner;
+use jostle_arena::identity::short;
 use jostle_eval::compact::CompactCell;
-use jostle_eval::identity::short;
 use jostle_ppo::{Config, Trainer};
 
 use crate::output;

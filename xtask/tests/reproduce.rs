@@ -155,7 +155,7 @@ fn a_curve_that_moved_names_update_and_field() {
         &["sha256", "m5-seed1.first.ndjson"],
     );
     let manifest = copy.path().join("manifest.json");
-    let sha = |text: &str| jostle_eval::identity::hex_sha256(text.as_bytes());
+    let sha = |text: &str| jostle_arena::identity::hex_sha256(text.as_bytes());
     let changed = fs::read_to_string(&manifest).unwrap().replace(&sha(&lines), &sha(&moved));
     fs::write(&manifest, changed).unwrap();
     let output = xtask(&["verify", "curve", "m5-seed1", "--updates", "4", "--checkpoints", folder]);
@@ -365,7 +365,7 @@ fn a_damaged_folder_is_refused_in_one_line() {
         &|folder| {
             let (five, one) =
                 (folder.join("m5-seed1-000004.safetensors"), folder.join("pool-seed101-000004.safetensors"));
-            let sha = |path: &Path| jostle_eval::identity::hex_sha256(&fs::read(path).unwrap());
+            let sha = |path: &Path| jostle_arena::identity::hex_sha256(&fs::read(path).unwrap());
             let (from, to) = (sha(&one), sha(&five));
             fs::copy(&five, &one).unwrap();
             edit(folder, &from, &to);

@@ -1,8 +1,8 @@
 //! One decision of each planner, on one thread.
 
 use criterion::{BenchmarkId, Criterion};
+use jostle_arena::Planner;
 use jostle_bench::planners::Decisions;
-use jostle_eval::Planner;
 
 pub(crate) fn decision(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("planner decision");

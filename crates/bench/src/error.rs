@@ -17,6 +17,9 @@ pub enum BenchError {
     /// A discriminator cannot be made.
     #[error(transparent)]
     Diversity(#[from] jostle_diversity::DiversityError),
+    /// A room or a robot is refused.
+    #[error(transparent)]
+    Arena(#[from] jostle_arena::ArenaError),
     /// The evaluation refuses its settings.
     #[error(transparent)]
     Eval(#[from] jostle_eval::EvalError),

@@ -5,9 +5,8 @@
 
 use std::collections::BTreeMap;
 
-use jostle_eval::{
-    EvalConfig, LoadedPolicy, PolicyIdentity, Pools, Protocol, RobotPolicy, Subject, TrainedRobot,
-};
+use jostle_arena::{ArenaConfig, LoadedPolicy, PolicyIdentity, Pools, RobotPolicy, TrainedRobot};
+use jostle_eval::{Protocol, Subject};
 use jostle_peds::CrowdKind;
 use jostle_policy::{NetworkConfig, Parameters, PolicyFile, Provenance};
 use jostle_sim::{OBSERVATION_LEN, Streams};
@@ -55,7 +54,7 @@ impl Cells {
     pub fn new() -> Result<Self, BenchError> {
         let pool: Vec<LoadedPolicy> = (1..=4).map(untrained).collect();
         let pools = Pools { full: pool.clone(), half: pool };
-        Ok(Self { protocol: Protocol::new(EvalConfig::default(), pools)?, robot: untrained(0) })
+        Ok(Self { protocol: Protocol::new(ArenaConfig::default(), pools)?, robot: untrained(0) })
     }
 
     /// Runs a cell and returns the number of steps of all its episodes.

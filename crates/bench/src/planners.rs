@@ -1,9 +1,10 @@
 //! Decisions of planners, one at a time, in rooms that are in the middle of their episodes.
 
-use jostle_eval::lock_step::Walks;
-use jostle_eval::planners::Planner;
-use jostle_eval::room::{EvalRoom, RoomPlan};
-use jostle_eval::{EvalConfig, Pools, Protocol, Robot};
+use jostle_arena::lock_step::Walks;
+use jostle_arena::planners::Planner;
+use jostle_arena::room::{ArenaRoom, RoomPlan};
+use jostle_arena::{ArenaConfig, Pools, Robot};
+use jostle_eval::Protocol;
 use jostle_peds::CrowdKind;
 use jostle_sim::Laser;
 
@@ -19,7 +20,7 @@ const ACTION: [f32; 2] = [0.7, 0.1];
 /// A planner and rooms that it can be asked about, among four social-force pedestrians.
 pub struct Decisions {
     robot: Box<dyn Robot>,
-    rooms: Vec<EvalRoom>,
+    rooms: Vec<ArenaRoom>,
     memory: Vec<f32>,
     next: usize,
 }
@@ -31,10 +32,10 @@ impl Decisions {
     ///
     /// When the evaluation refuses its settings.
     pub fn new(planner: Planner) -> Result<Self, BenchError> {
-        let protocol = Protocol::new(EvalConfig::default(), Pools::default())?;
+        let protocol = Protocol::new(ArenaConfig::default(), Pools::default())?;
         let plan = RoomPlan::new(protocol.config(), CrowdKind::Sf)?;
         let (laser, mut crowd) = (Laser::new(&plan.config.sim.laser)?, protocol.crowd(&plan)?);
-        let rooms: Result<Vec<EvalRoom>, _> = (0..ROOMS).map(|k| EvalRoom::new(&plan, &laser, k)).collect();
+        let rooms: Result<Vec<ArenaRoom>, _> = (0..ROOMS).map(|k| ArenaRoom::new(&plan, &laser, k)).collect();
         let (mut rooms, mut walks) = (rooms?, Walks::default());
         for _ in 0..STEPS {
             walks.decide(&plan, &mut *crowd, &rooms)?;

@@ -1,8 +1,9 @@
 //! Tests a policy of one's own among the two crowds that need no checkpoints: `cargo run --release -p jostle-eval
 //! --example custom_policy`. The policy turns towards its goal and slows down for what is near ahead.
 
+use jostle_arena::{ArenaConfig, PerRow, PolicyIdentity, Pools};
 use jostle_eval::report::Evaluation;
-use jostle_eval::{EvalConfig, EvalError, PerRow, PolicyIdentity, Pools, Protocol, Subject};
+use jostle_eval::{EvalError, Protocol, Subject};
 use jostle_peds::CrowdKind;
 
 /// The row: three scans of 512 beams (oldest first, range/10 − ½), the goal in the robot's frame, v and ω.
@@ -17,7 +18,7 @@ fn act(row: &[f32]) -> [f32; 2] {
 }
 
 fn main() -> Result<(), EvalError> {
-    let protocol = Protocol::new(EvalConfig::default(), Pools::default())?;
+    let protocol = Protocol::new(ArenaConfig::default(), Pools::default())?;
     let identity = PolicyIdentity::custom("goal seeker with a brake", "1");
     let subject = Subject { identity: &identity, token: 0 };
     let mut cells = Vec::new();

@@ -8,11 +8,12 @@
 //! It prints a line for each setting: success among the straight walkers, among the stop-and-go walkers, and their mean. The
 //! episodes are of another seed than those of the tables, and the six test crowds are not looked at.
 
-use jostle_eval::lock_step::run_episodes;
-use jostle_eval::planners::each_room::EachRoom;
-use jostle_eval::planners::{OrcaRobot, OrcaRobotConfig, SocialForceRobot, SocialForceRobotConfig};
-use jostle_eval::room::RoomPlan;
-use jostle_eval::{EpisodeOutcome, EvalConfig, EvalError, Pools, Protocol, Robot};
+use jostle_arena::lock_step::run_episodes;
+use jostle_arena::planners::each_room::EachRoom;
+use jostle_arena::planners::{OrcaRobot, OrcaRobotConfig, SocialForceRobot, SocialForceRobotConfig};
+use jostle_arena::room::RoomPlan;
+use jostle_arena::{ArenaConfig, EpisodeOutcome, Pools, Robot};
+use jostle_eval::{EvalError, Protocol};
 use jostle_peds::CrowdKind;
 
 /// Root seed of the episodes; the tables have 0.
@@ -50,13 +51,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 }
 
 fn try_setting(label: &str, episodes: u64, make: &Make) -> Result<(), EvalError> {
-    let config = EvalConfig { seed: SEED, ..EvalConfig::default() };
+    let config = ArenaConfig { seed: SEED, ..ArenaConfig::default() };
     let protocol = Protocol::new(config, Pools::default())?;
     let mut rates = Vec::new();
     for kind in CROWDS {
         let plan = RoomPlan::new(protocol.config(), kind)?;
         let (mut robot, mut crowd, mut successes) = (make(&plan)?, protocol.crowd(&plan)?, 0_u64);
-        run_episodes(&plan, &mut *robot, &mut *crowd, 0..episodes, |episode| {
+        run_episodes::<EvalError>(&plan, &mut *robot, &mut *crowd, 0..episodes, |episode| {
             successes += u64::from(episode.outcome == EpisodeOutcome::Success);
             Ok(())
         })?;

@@ -3,14 +3,10 @@
 use jostle_peds::CrowdKind;
 use serde::{Deserialize, Serialize};
 
-use crate::identity::hex_sha256;
+use jostle_arena::identity::hex_sha256;
 
 /// To be raised whenever an episode's result may change for the same settings; old records are then not reused.
 pub const PROTOCOL_VERSION: u32 = 1;
-
-/// The same for episodes on a map, whose hashes alone it is part of. 2: crowds know walls as one area
-/// ([`jostle_sim::Scenario::boundary`]), whatever pieces a map has.
-pub const MAP_VERSION: u32 = 2;
 
 /// Everything that episode k of a cell depends on.
 ///
@@ -45,7 +41,7 @@ impl CellKey {
 
     /// A name for the file of its records: crowd, token and the start of the hash.
     pub fn file_name(&self) -> String {
-        format!("{}-z{}-{}.ndjson", self.crowd, self.token, crate::identity::short(&self.hash()))
+        format!("{}-z{}-{}.ndjson", self.crowd, self.token, jostle_arena::identity::short(&self.hash()))
     }
 }
 

@@ -19,7 +19,7 @@ pub mod study;
 
 use serde::Serialize;
 
-use crate::outcome::EpisodeOutcome;
+use jostle_arena::outcome::EpisodeOutcome;
 
 pub use evidence::{ClaimResult, PartResult, test_claims};
 pub use study::{Row, SeedRun, Study};

@@ -20,12 +20,12 @@ use jostle_policy::excerpt;
 use serde::{Deserialize, Serialize};
 
 use crate::cell::CellKey;
-use crate::driving::Driving;
 use crate::error::EvalError;
-use crate::identity::PolicyIdentity;
-use crate::metrics::{EpisodeMetrics, MetricScale};
-use crate::outcome::EpisodeOutcome;
 use crate::records::EpisodeRecord;
+use jostle_arena::driving::Driving;
+use jostle_arena::identity::PolicyIdentity;
+use jostle_arena::metrics::{EpisodeMetrics, MetricScale};
+use jostle_arena::outcome::EpisodeOutcome;
 
 /// The format's name in the first line.
 pub const FORMAT: &str = "jostle-cell-1";
@@ -228,8 +228,8 @@ fn parse_driving<'a>(clearance: &str, fields: &mut impl Iterator<Item = &'a str>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::identity::short;
     use crate::records::tests::key;
+    use jostle_arena::identity::short;
 
     const DRIVING: Driving = Driving {
         min_clearance: Some(2.0 / 3.0),

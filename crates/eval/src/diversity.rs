@@ -10,7 +10,7 @@ use jostle_sim::{Rooms, SimConfig, Streams};
 use serde::{Deserialize, Serialize};
 
 use crate::error::EvalError;
-use crate::loaded::LoadedPolicy;
+use jostle_arena::loaded::LoadedPolicy;
 
 /// Steps of the trajectory in the paper.
 pub const TRAJECTORY_STEPS: usize = 1000;

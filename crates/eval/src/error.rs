@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
+use jostle_arena::ArenaError;
 use jostle_diversity::DiversityError;
-use jostle_peds::{CrowdKind, PedsError};
 use jostle_policy::PolicyError;
 use jostle_sim::SimError;
 
@@ -20,21 +20,6 @@ pub enum EvalError {
         /// What would be accepted.
         expected: String,
     },
-    /// A learned crowd was asked for without policies to drive it.
-    #[error("crowd {crowd} needs a pool of pedestrian policies; found none")]
-    EmptyPool {
-        /// The crowd.
-        crowd: CrowdKind,
-    },
-    /// A crowd of the user's own was asked for by its name only.
-    #[error(
-        "crowd {crowd} is no built-in one, and no settings can make it; expected the crowd itself (see `RoomPlan::among` and \
-         `Protocol::evaluate_among`)"
-    )]
-    OwnCrowd {
-        /// Its name.
-        crowd: CrowdKind,
-    },
     /// A file is no suite.
     #[error("{}: {problem}", file.display())]
     Suite {
@@ -42,22 +27,6 @@ pub enum EvalError {
         file: PathBuf,
         /// What is wrong with it.
         problem: String,
-    },
-    /// No planner has this name.
-    #[error("planner: found {name}, expected straight, brake, goal-seeker, dwa, orca or social-force{hint}")]
-    UnknownPlanner {
-        /// What was asked for.
-        name: String,
-        /// The names most like it, as the end of a message.
-        hint: String,
-    },
-    /// A planner that knows positions was asked to drive by rows.
-    #[error(
-        "planner {planner}: found observation rows, expected everyone's position, which a row does not tell; it drives in a test by its name"
-    )]
-    KnowsPositions {
-        /// Its name.
-        planner: &'static str,
     },
     /// A line of a record file is not a record.
     #[error("{}: line {line}: {problem}", file.display())]
@@ -95,24 +64,12 @@ pub enum EvalError {
         /// The system's reason.
         reason: std::io::Error,
     },
-    /// The robot's policy gave an action that is not a finite number.
-    #[error("episode {episode}, step {step}: the robot's action is ({v}, {w}); expected finite numbers")]
-    Action {
-        /// Episode index.
-        episode: u64,
-        /// Step within it.
-        step: u32,
-        /// Linear part.
-        v: f32,
-        /// Angular part.
-        w: f32,
-    },
+    /// A room, a crowd or a robot refused.
+    #[error(transparent)]
+    Arena(#[from] ArenaError),
     /// The simulator refused.
     #[error(transparent)]
     Sim(#[from] SimError),
-    /// A crowd refused.
-    #[error(transparent)]
-    Peds(#[from] PedsError),
     /// A policy or its file was refused.
     #[error(transparent)]
     Policy(#[from] PolicyError),

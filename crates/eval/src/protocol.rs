@@ -1,6 +1,6 @@
 //! The test protocol: a policy in a crowd over the paired episodes, with records that are reused and continued.
 //!
-//! Reading order: [`Protocol::evaluate`]; [`crate::lock_step`] runs the episodes, [`crate::room`] one of them.
+//! Reading order: [`Protocol::evaluate`]; [`jostle_arena::lock_step`] runs the episodes, [`jostle_arena::room`] one of them.
 
 use std::path::Path;
 
@@ -8,15 +8,16 @@ use jostle_peds::{Crowd, CrowdKind};
 use jostle_sim::maps;
 
 use crate::cell::{CellKey, PROTOCOL_VERSION};
-use crate::config::EvalConfig;
-use crate::crowds::{Pools, make_crowd};
 use crate::error::EvalError;
-use crate::identity::{PolicyIdentity, hex_sha256, short};
-use crate::lock_step::run_episodes;
 use crate::records::{EpisodeRecord, RecordWriter, TornTail};
 use crate::report::CellResult;
-use crate::robot::Robot;
-use crate::room::{FinishedEpisode, RoomPlan, metric_scale};
+use jostle_arena::ArenaError;
+use jostle_arena::config::ArenaConfig;
+use jostle_arena::crowds::{Pools, make_crowd};
+use jostle_arena::identity::{PolicyIdentity, hex_sha256, short};
+use jostle_arena::lock_step::run_episodes;
+use jostle_arena::robot::Robot;
+use jostle_arena::room::{FinishedEpisode, RoomPlan, metric_scale};
 
 /// Who is tested, and with which token.
 #[derive(Clone, Copy, Debug)]
@@ -43,7 +44,7 @@ pub struct CellRun {
 /// Settings and pools of a test.
 #[derive(Clone, Debug)]
 pub struct Protocol {
-    config: EvalConfig,
+    config: ArenaConfig,
     pools: Pools,
     /// Hash of the map's content, if there is a map.
     map_sha256: Option<String>,
@@ -55,14 +56,14 @@ impl Protocol {
     /// # Errors
     ///
     /// The first setting out of its range; a map that cannot be read.
-    pub fn new(config: EvalConfig, pools: Pools) -> Result<Self, EvalError> {
+    pub fn new(config: ArenaConfig, pools: Pools) -> Result<Self, EvalError> {
         config.validate()?;
         let map_sha256 = config.sim.room.map_file().map(|map| maps::sha256(&map)).transpose()?;
         Ok(Self { config, pools, map_sha256 })
     }
 
     /// The settings.
-    pub fn config(&self) -> &EvalConfig {
+    pub fn config(&self) -> &ArenaConfig {
         &self.config
     }
 
@@ -91,7 +92,7 @@ impl Protocol {
     /// # Errors
     ///
     /// As [`make_crowd`].
-    pub fn crowd(&self, plan: &RoomPlan) -> Result<Box<dyn Crowd>, EvalError> {
+    pub fn crowd(&self, plan: &RoomPlan) -> Result<Box<dyn Crowd>, ArenaError> {
         make_crowd(&self.config, plan.crowd, &self.pools, &plan.scenario.boundary())
     }
 
@@ -173,7 +174,7 @@ impl Protocol {
         records.truncate(usize::try_from(episodes).unwrap_or(usize::MAX));
         let reused = records.len() as u64;
         progress(reused);
-        run_episodes(plan, robot, crowd, reused..episodes, |finished| {
+        run_episodes::<EvalError>(plan, robot, crowd, reused..episodes, |finished| {
             let record = record(&finished, subject, kind, &hash);
             if let Some(writer) = &mut writer {
                 writer.append(&record)?;

@@ -12,11 +12,11 @@ use jostle_policy::excerpt;
 use serde::{Deserialize, Serialize};
 
 use crate::cell::CellKey;
-use crate::driving::Driving;
 use crate::error::EvalError;
-use crate::identity::{ProvenanceRef, short};
-use crate::metrics::EpisodeMetrics;
-use crate::outcome::EpisodeOutcome;
+use jostle_arena::driving::Driving;
+use jostle_arena::identity::{ProvenanceRef, short};
+use jostle_arena::metrics::EpisodeMetrics;
+use jostle_arena::outcome::EpisodeOutcome;
 
 /// Largest record file that is read, in bytes: two million episodes.
 const FILE_MAX: u64 = 1 << 30;
@@ -227,9 +227,9 @@ impl RecordWriter {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use crate::driving::DrivingMeter;
-    use crate::identity::PolicyIdentity;
-    use crate::metrics::MetricScale;
+    use jostle_arena::driving::DrivingMeter;
+    use jostle_arena::identity::PolicyIdentity;
+    use jostle_arena::metrics::MetricScale;
 
     pub(crate) fn key(policy: &str) -> CellKey {
         CellKey {

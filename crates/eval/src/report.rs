@@ -16,7 +16,7 @@ pub mod table;
 pub mod timing;
 pub mod verdicts;
 
-pub use cell::{CellResult, Comparison, PoolNote};
+pub use cell::{CellResult, Comparison};
 pub use evaluation::Evaluation;
 pub use pooled::{PooledCell, PooledRow, PooledTable, SeedValue, Source};
 pub use suite::{SceneResult, SuiteReport, SuiteScore};

@@ -1,7 +1,7 @@
 //! Suites: several scenes on which one policy is tested among several crowds, with one score.
 //!
 //! A suite is a TOML file: a list of scenes, each the usual room with a number of agents or a layout of its own
-//! ([`crate::scene`]). [`Suite::standard`] comes with the crate; others are read from files of the same form.
+//! ([`jostle_arena::scene`]). [`Suite::standard`] comes with the crate; others are read from files of the same form.
 
 use std::path::Path;
 
@@ -9,9 +9,9 @@ use jostle_policy::excerpt;
 use jostle_sim::RoomConfig;
 use serde::Deserialize;
 
-use crate::config::EvalConfig;
 use crate::error::EvalError;
-use crate::scene::SceneConfig;
+use jostle_arena::config::ArenaConfig;
+use jostle_arena::scene::SceneConfig;
 
 /// The standard suite's file.
 const STANDARD: &str = include_str!("../suites/standard.toml");
@@ -108,7 +108,7 @@ impl SuiteScene {
     /// # Errors
     ///
     /// What the scene's layout or number of agents breaks.
-    pub fn config(&self, base: &EvalConfig) -> Result<EvalConfig, EvalError> {
+    pub fn config(&self, base: &ArenaConfig) -> Result<ArenaConfig, EvalError> {
         let mut config = base.clone();
         config.sim.room = RoomConfig::default();
         config.n_agents = self
@@ -127,7 +127,7 @@ mod tests {
     use jostle_sim::Laser;
 
     use super::*;
-    use crate::room::{EvalRoom, RoomPlan};
+    use jostle_arena::room::{ArenaRoom, RoomPlan};
 
     #[test]
     fn the_standard_suite_has_what_it_says() {
@@ -141,13 +141,13 @@ mod tests {
 
     #[test]
     fn every_scene_can_be_started_with_room_for_everyone() {
-        let base = EvalConfig::default();
+        let base = ArenaConfig::default();
         let laser = Laser::new(&base.sim.laser).unwrap();
         for scene in Suite::standard().scenes {
             let config = scene.config(&base).unwrap();
             let plan = RoomPlan::new(&config, CrowdKind::Sf).unwrap();
             for episode in 0..20 {
-                let mut room = EvalRoom::new(&plan, &laser, episode).unwrap();
+                let mut room = ArenaRoom::new(&plan, &laser, episode).unwrap();
                 let still = vec![jostle_peds::Motion::STILL; config.n_pedestrians()];
                 let end = room.step(&plan, [0.0; 2], &still).unwrap();
                 assert!(end.is_none(), "{}: episode {episode} ends at its start: {end:?}", scene.name);
@@ -158,7 +158,7 @@ mod tests {
 
     #[test]
     fn a_usual_room_is_the_cell_that_it_was() {
-        let base = EvalConfig::default();
+        let base = ArenaConfig::default();
         let suite = Suite::standard();
         assert_eq!(suite.scenes[0].config(&base).unwrap(), base);
         let corridor = suite.scenes[3].config(&base).unwrap();

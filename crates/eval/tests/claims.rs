@@ -2,11 +2,11 @@
 
 use std::collections::BTreeMap;
 
+use jostle_arena::metrics::{EpisodeMetrics, MetricScale};
+use jostle_arena::outcome::EpisodeOutcome;
 use jostle_eval::claims::of_paper::{CROWDS, MAPS, claims};
 use jostle_eval::claims::{Measure, Row, SeedRun, Study, Verdict, test_claims};
 use jostle_eval::compact::CompactEpisode;
-use jostle_eval::metrics::{EpisodeMetrics, MetricScale};
-use jostle_eval::outcome::EpisodeOutcome;
 use jostle_eval::report::verdicts;
 
 const SCALE: MetricScale = MetricScale { dt: 0.1, goal_radius: 0.5, v_max: 1.0 };

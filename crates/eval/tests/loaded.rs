@@ -3,8 +3,8 @@
 mod common;
 
 use common::{pools, untrained};
-use jostle_eval::identity::hex_sha256;
-use jostle_eval::{EvalConfig, LoadedPolicy};
+use jostle_arena::identity::hex_sha256;
+use jostle_arena::{ArenaConfig, LoadedPolicy};
 use jostle_peds::CrowdKind;
 use jostle_policy::file::Precision;
 use jostle_sim::SimConfig;
@@ -42,7 +42,7 @@ fn so_has_the_half_trained_policies_and_a_short_pool_is_said() {
         pools.of(crowd, n_pedestrians).iter().map(|policy| policy.identity.seed.unwrap()).collect()
     };
     for crowd in [CrowdKind::Nh, CrowdKind::In, CrowdKind::Va] {
-        assert_eq!(seeds(crowd, EvalConfig::default().n_pedestrians()), [1, 2, 3, 4]);
+        assert_eq!(seeds(crowd, ArenaConfig::default().n_pedestrians()), [1, 2, 3, 4]);
     }
     assert_eq!(seeds(CrowdKind::So, 4), [5, 6]);
     assert_eq!(seeds(CrowdKind::Nh, 2), [1, 2]);

@@ -6,10 +6,10 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use glam::{DVec2, Vec2};
-use jostle_eval::config::EvalConfig;
-use jostle_eval::crowds::Pools;
+use jostle_arena::config::ArenaConfig;
+use jostle_arena::crowds::Pools;
+use jostle_arena::room::RoomPlan;
 use jostle_eval::protocol::Protocol;
-use jostle_eval::room::RoomPlan;
 use jostle_peds::CrowdKind;
 use jostle_peds::orca::{AgentParameters, Obstacles, OrcaSimulator};
 use jostle_peds::social_force::{Border, SocialForce, SocialForceConfig};
@@ -240,7 +240,7 @@ fn a_turned_hall_of_thirty_metres_takes_the_crowds_that_know_walls() {
     let folder = tempfile::tempdir().unwrap();
     let back = DVec2::from_angle(-30.0_f64.to_radians());
     write_grid(folder.path(), 900, 0.05, 0.0, |at| back.rotate(at).abs().max_element() < 15.0);
-    let mut config = EvalConfig { n_agents: 5, ..EvalConfig::default() };
+    let mut config = ArenaConfig { n_agents: 5, ..ArenaConfig::default() };
     config.sim.room.map = Some(folder.path().join("m.yaml"));
     for crowd in [CrowdKind::Vo, CrowdKind::Sf] {
         let plan = RoomPlan::new(&config, crowd).unwrap();
@@ -275,10 +275,10 @@ fn a_cell_is_known_by_its_maps_content() {
     let map = folder.path().join("m.toml");
     let settings = |text: &str, path: &Path| {
         std::fs::write(path, text).unwrap();
-        let mut config = EvalConfig::default();
+        let mut config = ArenaConfig::default();
         config.sim.room.map = Some(path.to_owned());
         let protocol = Protocol::new(config, Pools::default()).unwrap();
-        let identity = jostle_eval::identity::PolicyIdentity::custom("test", "1");
+        let identity = jostle_arena::identity::PolicyIdentity::custom("test", "1");
         let subject = jostle_eval::protocol::Subject { identity: &identity, token: 0 };
         protocol.key(subject, CrowdKind::Sf).hash()
     };

@@ -1,7 +1,8 @@
 //! Metrics and statistics against fixtures made with statsmodels, pandas and shapely (see `data/README.md`).
 
-use jostle_eval::metrics::{EpisodeMetrics, MetricScale, Summary};
-use jostle_eval::outcome::EpisodeOutcome;
+use jostle_arena::metrics::{EpisodeMetrics, MetricScale};
+use jostle_arena::outcome::EpisodeOutcome;
+use jostle_eval::metrics::Summary;
 use jostle_eval::statistics::{Interval, PairedCounts, wilson};
 use serde::Deserialize;
 

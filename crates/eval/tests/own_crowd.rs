@@ -3,9 +3,10 @@
 mod common;
 
 use common::{brief, seek};
+use jostle_arena::room::RoomPlan;
+use jostle_arena::{PerRow, PolicyIdentity, Pools};
 use jostle_eval::records::read_records;
-use jostle_eval::room::RoomPlan;
-use jostle_eval::{CellRun, EvalError, PerRow, PolicyIdentity, Pools, Protocol, Subject};
+use jostle_eval::{CellRun, EvalError, Protocol, Subject};
 use jostle_peds::{Crowd, CrowdKind, Motion, PedsError, RoomView, Visibility};
 
 /// Walks away from the robot where it sees it, else stands.

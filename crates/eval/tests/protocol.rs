@@ -3,14 +3,15 @@
 mod common;
 
 use common::{brief, pools, seek, untrained};
-use jostle_eval::records::{Held, holds};
-use jostle_eval::{
-    CellRun, EpisodeOutcome, EvalConfig, EvalError, PerRow, PolicyIdentity, Pools, Protocol, Robot,
-    RobotPolicy as _, Subject, TrainedRobot,
+use jostle_arena::{
+    ArenaConfig, ArenaError, EpisodeOutcome, PerRow, PolicyIdentity, Pools, Robot, RobotPolicy as _,
+    TrainedRobot,
 };
+use jostle_eval::records::{Held, holds};
+use jostle_eval::{CellRun, Protocol, Subject};
 use jostle_peds::CrowdKind;
 
-fn run(config: &EvalConfig, robot: &mut dyn Robot, crowd: CrowdKind, episodes: u64) -> CellRun {
+fn run(config: &ArenaConfig, robot: &mut dyn Robot, crowd: CrowdKind, episodes: u64) -> CellRun {
     let protocol = Protocol::new(config.clone(), pools()).unwrap();
     let identity = PolicyIdentity::custom("test", "1");
     let subject = Subject { identity: &identity, token: 0 };
@@ -19,7 +20,7 @@ fn run(config: &EvalConfig, robot: &mut dyn Robot, crowd: CrowdKind, episodes: u
 
 #[test]
 fn in_an_empty_room_a_goal_seeker_arrives_and_an_untrained_policy_does_not() {
-    let config = EvalConfig { n_agents: 1, ..EvalConfig::default() };
+    let config = ArenaConfig { n_agents: 1, ..ArenaConfig::default() };
     let seeker = run(&config, &mut PerRow::new(seek), CrowdKind::Sf, 60);
     let summary = seeker.result.summary;
     assert_eq!((summary.success, summary.episodes), (60, 60));
@@ -40,7 +41,7 @@ fn in_an_empty_room_a_goal_seeker_arrives_and_an_untrained_policy_does_not() {
 #[test]
 fn episodes_start_alike_in_every_crowd_for_every_policy_and_any_n() {
     let starts = |n_agents: usize, crowd: CrowdKind, action: [f32; 2]| -> Vec<([f32; 2], [f32; 2])> {
-        let config = EvalConfig { n_agents, ..brief(2) };
+        let config = ArenaConfig { n_agents, ..brief(2) };
         let records = run(&config, &mut PerRow::new(move |_: &[f32]| action), crowd, 8).records;
         records.iter().map(|record| (record.start, record.goal)).collect()
     };
@@ -60,7 +61,7 @@ fn threads_and_lock_step_do_not_change_a_bit() {
         let bytes = |threads: usize, lock_step: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| {
-                let config = EvalConfig { lock_step, ..brief(60) };
+                let config = ArenaConfig { lock_step, ..brief(60) };
                 let mut robot = TrainedRobot::new(&untrained(9), 0, config.backend).unwrap();
                 serde_json::to_string(&run(&config, &mut robot, crowd, episodes).records).unwrap()
             })
@@ -78,7 +79,7 @@ fn a_row_is_answered_alike_in_any_batch() {
     let n_rows = 333;
     let rows: Vec<f32> =
         (0..n_rows * 1540).map(|_| rand::RngExt::random_range(&mut rng, -0.5..0.5)).collect();
-    let mut robot = TrainedRobot::new(&untrained(9), 1, EvalConfig::default().backend).unwrap();
+    let mut robot = TrainedRobot::new(&untrained(9), 1, ArenaConfig::default().backend).unwrap();
     let mut together = vec![[0.0; 2]; n_rows];
     robot.act(&rows, &mut together);
     for n_together in [1, 7, 64] {
@@ -128,8 +129,8 @@ fn what_cannot_be_tested_is_refused() {
     assert_eq!(message(CrowdKind::Sf, 0, [0.0; 2]), "episodes: found 0, expected at least 1");
     assert!(message(CrowdKind::So, 1, [0.0; 2]).starts_with("crowd SO needs a pool"));
     assert!(message(CrowdKind::Sf, 1, [f32::NAN, 0.0]).contains("episode 0, step 0"));
-    let token = TrainedRobot::new(&untrained(1), 2, EvalConfig::default().backend).err().unwrap();
-    assert!(matches!(token, EvalError::Setting { field: "token", .. }));
+    let token = TrainedRobot::new(&untrained(1), 2, ArenaConfig::default().backend).err().unwrap();
+    assert!(matches!(token, ArenaError::Setting { field: "token", .. }));
     let mut narrow = brief(5);
     narrow.sim.laser.beams = 64;
     let protocol = Protocol::new(narrow, pools()).unwrap();
@@ -139,7 +140,7 @@ fn what_cannot_be_tested_is_refused() {
 
 #[test]
 fn outcomes_are_consistent_with_their_metrics() {
-    let records = run(&EvalConfig::default(), &mut PerRow::new(seek), CrowdKind::Vo, 100).records;
+    let records = run(&ArenaConfig::default(), &mut PerRow::new(seek), CrowdKind::Vo, 100).records;
     for record in &records {
         let success = record.outcome == EpisodeOutcome::Success;
         assert_eq!(record.metrics.extra_time.is_some(), success);

@@ -4,10 +4,11 @@ mod common;
 
 use common::{brief, pools, seek};
 use glam::Vec2;
-use jostle_eval::identity::PolicyIdentity;
-use jostle_eval::replay::{EpisodeTrace, trace_episodes};
-use jostle_eval::room::RoomPlan;
-use jostle_eval::{EpisodeOutcome, PerRow, Protocol, Subject};
+use jostle_arena::identity::PolicyIdentity;
+use jostle_arena::replay::{EpisodeTrace, trace_episodes};
+use jostle_arena::room::RoomPlan;
+use jostle_arena::{EpisodeOutcome, PerRow};
+use jostle_eval::{Protocol, Subject};
 use jostle_peds::CrowdKind;
 
 const STEP_LIMIT: u32 = 60;

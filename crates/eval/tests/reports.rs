@@ -3,9 +3,10 @@
 mod common;
 
 use common::{brief, pools, seek, untrained};
+use jostle_arena::{ArenaConfig, PerRow, Pools};
 use jostle_eval::diversity::{diversity, trajectory};
 use jostle_eval::report::{CellResult, Comparison, Evaluation, SuccessTable};
-use jostle_eval::{EvalConfig, EvalError, PerRow, Pools, Protocol, Subject};
+use jostle_eval::{EvalError, Protocol, Subject};
 use jostle_peds::CrowdKind;
 use jostle_sim::SimConfig;
 
@@ -84,7 +85,7 @@ fn an_evaluation_has_a_row_for_each_crowd() {
 
 #[test]
 fn d_is_the_mean_pairwise_divergence_on_a_trajectory() {
-    let (sim, backend) = (SimConfig::default(), EvalConfig::default().backend);
+    let (sim, backend) = (SimConfig::default(), ArenaConfig::default().backend);
     let states = trajectory(&untrained(1), &sim, backend, 3, 7, 50).unwrap();
     assert_eq!(states.len(), 50 * 1540);
     assert_eq!(states, trajectory(&untrained(1), &sim, backend, 3, 7, 50).unwrap());

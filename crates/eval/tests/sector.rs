@@ -5,15 +5,16 @@ mod common;
 use std::f32::consts::PI;
 
 use common::{brief, pools, untrained};
-use jostle_eval::crowds::check_observation;
-use jostle_eval::replay::trace_episodes;
-use jostle_eval::room::{EvalRoom, RoomPlan};
-use jostle_eval::{EpisodeOutcome, EvalConfig, LoadedPolicy, PerRow, Pools, Protocol};
+use jostle_arena::crowds::check_observation;
+use jostle_arena::replay::trace_episodes;
+use jostle_arena::room::{ArenaRoom, RoomPlan};
+use jostle_arena::{ArenaConfig, EpisodeOutcome, LoadedPolicy, PerRow, Pools};
+use jostle_eval::Protocol;
 use jostle_peds::{CrowdKind, Motion};
 use jostle_sim::{FRAMES, Laser, LaserConfig};
 
 /// 512 beams over half a circle.
-fn half_circle() -> EvalConfig {
+fn half_circle() -> ArenaConfig {
     let mut config = brief(60);
     (config.sim.laser.fov, config.sim.laser.angle_min) = (PI, -0.5 * PI);
     config
@@ -28,7 +29,7 @@ fn trained_with(seed: u64, laser: &LaserConfig) -> LoadedPolicy {
 
 #[test]
 fn a_policy_that_was_trained_with_another_laser_is_refused_in_one_line() {
-    let (circle, half) = (EvalConfig::default(), half_circle());
+    let (circle, half) = (ArenaConfig::default(), half_circle());
     let (of_circle, of_half) = (trained_with(1, &circle.sim.laser), trained_with(2, &half.sim.laser));
     check_observation(&circle, &of_circle).unwrap();
     check_observation(&half, &of_half).unwrap();
@@ -66,10 +67,10 @@ fn learned_pedestrians_see_the_sector_that_the_robot_sees() {
     (half.sim.laser.beams, half.sim.laser.noise_std) = (257, 0.0);
     let mut circle = brief(60);
     circle.sim.laser.noise_std = 0.0;
-    let room = |config: &EvalConfig| {
+    let room = |config: &ArenaConfig| {
         let plan = RoomPlan::new(config, CrowdKind::Nh).unwrap();
         let laser = Laser::new(&config.sim.laser).unwrap();
-        let mut room = EvalRoom::new(&plan, &laser, 3).unwrap();
+        let mut room = ArenaRoom::new(&plan, &laser, 3).unwrap();
         for _ in 0..5 {
             assert!(room.step(&plan, [0.5, 0.2], &[Motion::Drive { v: 0.4, w: 0.3 }; 4]).unwrap().is_none());
         }

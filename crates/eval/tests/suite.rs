@@ -4,13 +4,14 @@ mod common;
 
 use common::{brief, pools, seek};
 use glam::Vec2;
-use jostle_eval::room::{EvalRoom, RoomPlan};
+use jostle_arena::room::{ArenaRoom, RoomPlan};
+use jostle_arena::{ArenaConfig, PerRow, PolicyIdentity};
 use jostle_eval::suite::Suite;
-use jostle_eval::{EvalConfig, PerRow, PolicyIdentity, Protocol, Subject};
+use jostle_eval::{Protocol, Subject};
 use jostle_peds::{CrowdKind, Motion};
 use jostle_sim::Laser;
 
-fn config(scene: &str, base: &EvalConfig) -> EvalConfig {
+fn config(scene: &str, base: &ArenaConfig) -> ArenaConfig {
     let suite = Suite::standard();
     suite.scenes.iter().find(|found| found.name == scene).unwrap().config(base).unwrap()
 }
@@ -21,7 +22,7 @@ fn episodes_are_paired_over_crowds_and_repeat_at_any_lock_step() {
     let subject = Subject { identity: &identity, token: 0 };
     for scene in ["corridor", "blind-corner", "standing-group", "stops-dead"] {
         let run = |crowd, lock_step| {
-            let config = config(scene, &EvalConfig { lock_step, ..brief(30) });
+            let config = config(scene, &ArenaConfig { lock_step, ..brief(30) });
             let protocol = Protocol::new(config, pools()).unwrap();
             protocol.evaluate(&mut PerRow::new(seek), subject, crowd, 4, None, |_| ()).unwrap()
         };
@@ -42,7 +43,7 @@ fn paths(scene: &str, crowd: CrowdKind, episode: u64) -> Vec<Vec<Vec2>> {
     let plan = RoomPlan::new(&config, crowd).unwrap();
     let mut pedestrians = protocol.crowd(&plan).unwrap();
     let laser = Laser::new(&config.sim.laser).unwrap();
-    let mut room = EvalRoom::new(&plan, &laser, episode).unwrap();
+    let mut room = ArenaRoom::new(&plan, &laser, episode).unwrap();
     let mut motions = vec![Motion::STILL; config.n_pedestrians()];
     let mut path = Vec::new();
     loop {

@@ -4,20 +4,21 @@ mod common;
 
 use common::{brief, pools, seek};
 use glam::Vec2;
-use jostle_eval::room::{EvalRoom, RoomPlan};
-use jostle_eval::{EvalConfig, EvalError, PerRow, PolicyIdentity, Pools, Protocol, Subject};
+use jostle_arena::room::{ArenaRoom, RoomPlan};
+use jostle_arena::{ArenaConfig, ArenaError, PerRow, PolicyIdentity, Pools};
+use jostle_eval::{Protocol, Subject};
 use jostle_peds::{CrowdKind, Motion};
 use jostle_sim::Laser;
 
 const WALKERS: [CrowdKind; 2] = [CrowdKind::Straight, CrowdKind::StopAndGo];
 
 /// What the pedestrians of an episode do while the robot repeats an action: their velocities at each step.
-fn velocities(config: &EvalConfig, crowd: CrowdKind, episode: u64, action: [f32; 2]) -> Vec<Vec<Vec2>> {
+fn velocities(config: &ArenaConfig, crowd: CrowdKind, episode: u64, action: [f32; 2]) -> Vec<Vec<Vec2>> {
     let protocol = Protocol::new(config.clone(), Pools::default()).unwrap();
     let plan = RoomPlan::new(config, crowd).unwrap();
     let mut walkers = protocol.crowd(&plan).unwrap();
     let laser = Laser::new(&config.sim.laser).unwrap();
-    let mut room = EvalRoom::new(&plan, &laser, episode).unwrap();
+    let mut room = ArenaRoom::new(&plan, &laser, episode).unwrap();
     let mut motions = vec![Motion::STILL; config.n_pedestrians()];
     let mut steps = Vec::new();
     loop {
@@ -88,7 +89,7 @@ fn cells_repeat_at_any_lock_step_and_have_keys_of_their_own() {
     let identity = PolicyIdentity::custom("seek", "1");
     let subject = Subject { identity: &identity, token: 0 };
     let run = |crowd, lock_step| {
-        let config = EvalConfig { lock_step, ..brief(120) };
+        let config = ArenaConfig { lock_step, ..brief(120) };
         let protocol = Protocol::new(config, pools()).unwrap();
         protocol.evaluate(&mut PerRow::new(seek), subject, crowd, 24, None, |_| ()).unwrap()
     };
@@ -108,12 +109,12 @@ fn cells_repeat_at_any_lock_step_and_have_keys_of_their_own() {
 #[test]
 fn walkers_that_meet_are_put_elsewhere() {
     // A crowd of 30 in 20 m by 20 m meets often.
-    let config = EvalConfig { n_agents: 31, ..brief(200) };
+    let config = ArenaConfig { n_agents: 31, ..brief(200) };
     let protocol = Protocol::new(config.clone(), Pools::default()).unwrap();
     let plan = RoomPlan::new(&config, CrowdKind::Straight).unwrap();
     let mut walkers = protocol.crowd(&plan).unwrap();
     let laser = Laser::new(&config.sim.laser).unwrap();
-    let mut room = EvalRoom::new(&plan, &laser, 0).unwrap();
+    let mut room = ArenaRoom::new(&plan, &laser, 0).unwrap();
     let mut motions = vec![Motion::STILL; 30];
     let (mut n_put, mut n_stuck) = (0, 0);
     for _ in 0..150 {
@@ -137,5 +138,5 @@ fn cross_play_needs_a_pool() {
     let protocol = Protocol::new(brief(10), Pools::default()).unwrap();
     let plan = RoomPlan::new(protocol.config(), CrowdKind::CrossPlay).unwrap();
     let error = protocol.crowd(&plan).err().unwrap();
-    assert!(matches!(error, EvalError::EmptyPool { crowd: CrowdKind::CrossPlay }), "{error}");
+    assert!(matches!(error, ArenaError::EmptyPool { crowd: CrowdKind::CrossPlay }), "{error}");
 }

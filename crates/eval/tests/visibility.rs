@@ -4,19 +4,20 @@ mod common;
 
 use common::{brief, pools};
 use glam::Vec2;
-use jostle_eval::room::{EvalRoom, RoomPlan};
-use jostle_eval::{EvalConfig, Protocol};
+use jostle_arena::ArenaConfig;
+use jostle_arena::room::{ArenaRoom, RoomPlan};
+use jostle_eval::Protocol;
 use jostle_peds::{CrowdKind, Motion};
 use jostle_sim::Laser;
 
 /// Where the pedestrians of an episode go while the robot repeats an action; stops with the robot's episode, or where a
 /// pedestrian was re-spawned (its new place keeps clear of the robot, seen or not).
-fn walk(config: &EvalConfig, crowd: CrowdKind, episode: u64, action: [f32; 2]) -> Vec<Vec<Vec2>> {
+fn walk(config: &ArenaConfig, crowd: CrowdKind, episode: u64, action: [f32; 2]) -> Vec<Vec<Vec2>> {
     let protocol = Protocol::new(config.clone(), pools()).unwrap();
     let plan = RoomPlan::new(config, crowd).unwrap();
     let mut pedestrians = protocol.crowd(&plan).unwrap();
     let laser = Laser::new(&config.sim.laser).unwrap();
-    let mut room = EvalRoom::new(&plan, &laser, episode).unwrap();
+    let mut room = ArenaRoom::new(&plan, &laser, episode).unwrap();
     let mut path = Vec::new();
     let mut motions = vec![Motion::STILL; config.n_pedestrians()];
     loop {
@@ -36,7 +37,7 @@ fn walk(config: &EvalConfig, crowd: CrowdKind, episode: u64, action: [f32; 2]) -
 }
 
 /// Whether the crowd's paths are the same as long as both last, over a few episodes.
-fn ignores_the_robot(config: &EvalConfig, crowd: CrowdKind) -> bool {
+fn ignores_the_robot(config: &ArenaConfig, crowd: CrowdKind) -> bool {
     let mut compared = 0;
     let same = (0..4).all(|episode| {
         let (still, moving) =
@@ -71,7 +72,7 @@ fn speed_factors_are_drawn_per_pedestrian_and_episode_in_va_alone() {
     let laser = Laser::new(&config.sim.laser).unwrap();
     let factors = |crowd| -> Vec<f32> {
         let plan = RoomPlan::new(&config, crowd).unwrap();
-        let rooms = (0..50).map(|episode| EvalRoom::new(&plan, &laser, episode).unwrap());
+        let rooms = (0..50).map(|episode| ArenaRoom::new(&plan, &laser, episode).unwrap());
         rooms.flat_map(|room| room.speed_factors().to_vec()).collect()
     };
     let mut va = factors(CrowdKind::Va);
@@ -94,7 +95,7 @@ fn who_crashes_is_put_far_from_everyone() {
     let straight_on = [Motion::Drive { v: 1.0, w: 0.0 }; 4];
     let mut n_respawned = 0;
     for episode in 0..3 {
-        let mut room = EvalRoom::new(&plan, &laser, episode).unwrap();
+        let mut room = ArenaRoom::new(&plan, &laser, episode).unwrap();
         let mut last: Vec<Vec2> = room.pedestrians().iter().map(|p| p.position).collect();
         while room.step(&plan, [0.0; 2], &straight_on).unwrap().is_none() {
             let now: Vec<Vec2> = room.pedestrians().iter().map(|p| p.position).collect();

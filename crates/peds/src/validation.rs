@@ -4,7 +4,7 @@
 //! walking and standing in turns. Neither sees the robot or anyone else, so that only the robot avoids collisions.
 //!
 //! Two of them that meet do not pass through each other: as everywhere, a body that would push into another keeps its pose. It
-//! then counts as crashed, and the room puts it elsewhere with a new goal (`jostle_eval::room`). Rejected: letting them wait for each
+//! then counts as crashed, and the room puts it elsewhere with a new goal (`jostle_arena::room`). Rejected: letting them wait for each
 //! other, since two that meet head on would stand until the episode's end and a room would fill with standing pairs.
 
 use rand::{Rng, RngExt as _};

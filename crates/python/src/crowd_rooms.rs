@@ -1,13 +1,14 @@
 //! Rooms to train in: one robot among a crowd in each, with the reward of the decision process.
 //!
-//! They are the rooms of the test (`jostle_eval::room`), one episode after another. What the test does not need is added here:
+//! They are the rooms of the test (`jostle_arena::room`), one episode after another. What the test does not need is added here:
 //! the reward, which is that of `jostle-sim`, and the observation in which an episode ends.
 
 use std::sync::Arc;
 
-use jostle_eval::lock_step::Walks;
-use jostle_eval::room::{EvalRoom, FinishedEpisode, RoomPlan};
-use jostle_eval::{EpisodeOutcome, EvalError, PolicyIdentity, Protocol, Subject};
+use jostle_arena::lock_step::Walks;
+use jostle_arena::room::{ArenaRoom, FinishedEpisode, RoomPlan};
+use jostle_arena::{EpisodeOutcome, PolicyIdentity};
+use jostle_eval::{EvalError, Protocol, Subject};
 use jostle_peds::{Crowd, Motion};
 use jostle_sim::{
     Laser, Outcome, Pose, Scenario, Shape, Streams, ZoneBody, clip_action, reward, safety_zone,
@@ -81,7 +82,7 @@ pub struct CrowdRooms {
     crowd: Box<dyn Crowd>,
     laser: Laser,
     walks: Walks,
-    rooms: Vec<EvalRoom>,
+    rooms: Vec<ArenaRoom>,
     courses: Vec<Course>,
 }
 
@@ -110,7 +111,7 @@ impl CrowdRooms {
         let seeds = (0..n_rooms as u64).map(training_seed);
         let rooms = seeds
             .clone()
-            .map(|seed| EvalRoom::seeded(&plan, &laser, seed, 0))
+            .map(|seed| ArenaRoom::seeded(&plan, &laser, seed, 0))
             .collect::<Result<Vec<_>, _>>()?;
         let courses = seeds.zip(&rooms).map(|(seed, room)| Course::new(seed, room)).collect();
         let (protocol, plan) = (Arc::new(protocol), Arc::new(plan));
@@ -136,7 +137,7 @@ impl CrowdRooms {
 
     /// What other rooms of the same settings need to go on as these do.
     pub fn snapshot(&self) -> Snapshot {
-        let room = |(room, course): (&EvalRoom, &Course)| RoomSnapshot {
+        let room = |(room, course): (&ArenaRoom, &Course)| RoomSnapshot {
             seed: course.seed,
             episode: room.episode(),
             actions: course.actions.clone(),
@@ -165,7 +166,7 @@ impl CrowdRooms {
         }
         let (mut rooms, mut courses) = (Vec::with_capacity(n), Vec::with_capacity(n));
         for saved in &snapshot.rooms {
-            let mut room = [EvalRoom::seeded(&self.plan, &self.laser, saved.seed, saved.episode)?];
+            let mut room = [ArenaRoom::seeded(&self.plan, &self.laser, saved.seed, saved.episode)?];
             let mut course = Course::new(saved.seed, &room[0]);
             for action in &saved.actions {
                 self.walks.decide(&self.plan, &mut *self.crowd, &room)?;
@@ -190,7 +191,7 @@ impl CrowdRooms {
     ///
     /// If the room is too full for another body.
     pub fn begin(&mut self, i: usize, seed: u64, episode: u64) -> Result<(), EvalError> {
-        self.rooms[i] = EvalRoom::seeded(&self.plan, &self.laser, seed, episode)?;
+        self.rooms[i] = ArenaRoom::seeded(&self.plan, &self.laser, seed, episode)?;
         self.courses[i] = Course::new(seed, &self.rooms[i]);
         Ok(())
     }
@@ -214,7 +215,7 @@ impl CrowdRooms {
         self.check(actions)?;
         self.walks.decide(&self.plan, &mut *self.crowd, &self.rooms)?;
         let (plan, walks) = (&self.plan, &self.walks);
-        let one = |(i, (room, course)): (usize, (&mut EvalRoom, &mut Course))| {
+        let one = |(i, (room, course)): (usize, (&mut ArenaRoom, &mut Course))| {
             course.step(plan, room, actions[i], walks.of(i))
         };
         if self.rooms.len() == 1 {
@@ -247,7 +248,7 @@ impl CrowdRooms {
     }
 
     /// Rooms.
-    pub fn rooms(&self) -> &[EvalRoom] {
+    pub fn rooms(&self) -> &[ArenaRoom] {
         &self.rooms
     }
 
@@ -287,7 +288,7 @@ pub fn bounds(sim: &jostle_sim::SimConfig, scenario: &Scenario) -> [Vec<f32>; 2]
 }
 
 impl Course {
-    fn new(seed: u64, room: &EvalRoom) -> Self {
+    fn new(seed: u64, room: &ArenaRoom) -> Self {
         let (goal_distance, min_clearance) = (goal_distance(room), room.robot_clearance());
         Self { seed, goal_distance, min_clearance, ended: false, actions: Vec::new() }
     }
@@ -295,7 +296,7 @@ impl Course {
     fn step(
         &mut self,
         plan: &RoomPlan,
-        room: &mut EvalRoom,
+        room: &mut ArenaRoom,
         action: [f32; 2],
         walks: &[Motion],
     ) -> Result<RoomStep, EvalError> {
@@ -333,7 +334,7 @@ impl Course {
     }
 }
 
-fn goal_distance(room: &EvalRoom) -> f32 {
+fn goal_distance(room: &ArenaRoom) -> f32 {
     let robot = room.robot();
     robot.position.distance(robot.goal)
 }

@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use jostle_eval::{EvalConfig, EvalError, Pools};
+use jostle_arena::{ArenaConfig, Pools};
+use jostle_eval::EvalError;
 use jostle_peds::CrowdKind;
 use jostle_ppo::{Config, PpoError};
 use jostle_sim::{SimConfig, SimError};
@@ -11,7 +12,7 @@ use jostle_sim::{SimConfig, SimError};
 #[derive(Clone, Debug)]
 pub struct Settings {
     /// Room, robot, laser, crowds, number of agents.
-    pub config: EvalConfig,
+    pub config: ArenaConfig,
     /// The crowd.
     pub crowd: CrowdKind,
     /// The pedestrians' policies, for crowds that need them.
@@ -36,7 +37,7 @@ impl Settings {
         pools: Pools,
     ) -> Result<Self, EvalError> {
         let mut config =
-            EvalConfig { sim: base.sim.clone(), n_agents: base.n_agents, ..EvalConfig::default() };
+            ArenaConfig { sim: base.sim.clone(), n_agents: base.n_agents, ..ArenaConfig::default() };
         if let Some(n_pedestrians) = n_pedestrians {
             config.n_agents = n_pedestrians.saturating_add(1);
         }
@@ -103,7 +104,7 @@ mod tests {
     fn what_is_not_given_is_the_configurations() {
         assert_eq!(sf(None, None).config.n_pedestrians(), 3);
         assert_eq!(sf(Some(7), None).config.n_pedestrians(), 7);
-        assert_eq!(sf(None, None).config.crowds, EvalConfig::default().crowds);
+        assert_eq!(sf(None, None).config.crowds, ArenaConfig::default().crowds);
         for crowd in CrowdKind::PAPER {
             let base = base(None, &[]).unwrap();
             for robot in [false, true] {

@@ -1,8 +1,9 @@
 //! The rooms that Python steps are those of the test and of training, with the same rewards.
 
-use jostle_eval::lock_step::run_episodes;
-use jostle_eval::room::RoomPlan;
-use jostle_eval::{EpisodeOutcome, PerRow, Pools, Protocol};
+use jostle_arena::lock_step::run_episodes;
+use jostle_arena::room::RoomPlan;
+use jostle_arena::{EpisodeOutcome, PerRow, Pools};
+use jostle_eval::Protocol;
 use jostle_peds::CrowdKind;
 use jostle_python::crowd_rooms::training_seed;
 use jostle_python::{CrowdRooms, RobotRoom, Settings, settings};
@@ -30,10 +31,16 @@ fn an_episode_of_the_test_ends_here_as_there() {
         let plan = RoomPlan::new(protocol.config(), crowd).unwrap();
         let mut expected = Vec::new();
         let mut pedestrians = protocol.crowd(&plan).unwrap();
-        run_episodes(&plan, &mut PerRow::new(seek), &mut *pedestrians, 0..6, |end| {
-            expected.push(end);
-            Ok(())
-        })
+        run_episodes::<jostle_arena::ArenaError>(
+            &plan,
+            &mut PerRow::new(seek),
+            &mut *pedestrians,
+            0..6,
+            |end| {
+                expected.push(end);
+                Ok(())
+            },
+        )
         .unwrap();
 
         let mut rooms = CrowdRooms::new(settings, 1).unwrap();

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use jostle_eval::EvalError;
+use jostle_arena::ArenaError;
 
 /// Why a path leads to no policy.
 #[derive(Debug, thiserror::Error)]
@@ -63,7 +63,7 @@ pub enum RunsError {
     },
     /// A policy was refused.
     #[error(transparent)]
-    Eval(#[from] EvalError),
+    Eval(#[from] ArenaError),
 }
 
 impl RunsError {

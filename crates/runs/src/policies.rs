@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use jostle_eval::{Driver, LoadedPolicy, Planner, Pools};
+use jostle_arena::{Driver, LoadedPolicy, Planner, Pools};
 use jostle_peds::CrowdKind;
 use jostle_policy::{nearest, offer};
 

@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use anyhow::{Result, ensure};
-use jostle_eval::Planner;
-use jostle_eval::config::EvalConfig;
-use jostle_eval::crowds::Pools;
+use jostle_arena::Planner;
+use jostle_arena::config::ArenaConfig;
+use jostle_arena::crowds::Pools;
 use jostle_eval::protocol::Protocol;
 use jostle_peds::CrowdKind;
 
@@ -19,7 +19,7 @@ const EPISODES: usize = 12;
 /// Writes a page with two drivers and two crowds; its address.
 pub(super) fn write(folder: &Path) -> Result<String> {
     let drivers = [Driver::planner(Planner::GoalSeeker), Driver::planner(Planner::GoalSeeker)];
-    let protocol = Protocol::new(EvalConfig::default(), Pools::default())?;
+    let protocol = Protocol::new(ArenaConfig::default(), Pools::default())?;
     let wish = Wish { wanted: Wanted::Any, episodes: EPISODES, search: 0 };
     let page = record(&protocol, &drivers, &[CrowdKind::Sf, CrowdKind::Vo], wish)?;
     Ok(format!("file://{}", write_page(&page, &folder.join("replay"))?.display()))

@@ -1,8 +1,9 @@
 //! Episode metrics, their summaries, Wilson intervals and paired tests.
 
 use anyhow::{Context as _, Result};
-use jostle_eval::metrics::{EpisodeMetrics, MeanStd, MetricScale, Summary};
-use jostle_eval::outcome::EpisodeOutcome;
+use jostle_arena::metrics::{EpisodeMetrics, MetricScale};
+use jostle_arena::outcome::EpisodeOutcome;
+use jostle_eval::metrics::{MeanStd, Summary};
 use jostle_eval::statistics::{Interval, Mcnemar, PairedCounts, wilson};
 use serde::Deserialize;
 

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
-use jostle_eval::identity::hex_sha256;
+use jostle_arena::identity::hex_sha256;
 
 /// Expected digests by full path; empty where there is no list.
 pub(crate) struct Sums(BTreeMap<PathBuf, String>);

@@ -4,14 +4,14 @@ use std::fs;
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
-use jostle_eval::config::EvalConfig;
-use jostle_eval::driving::DrivingMeter;
-use jostle_eval::identity::PolicyIdentity;
-use jostle_eval::loaded::LoadedPolicy;
-use jostle_eval::metrics::{EpisodeMetrics, MetricScale};
-use jostle_eval::outcome::EpisodeOutcome;
+use jostle_arena::config::ArenaConfig;
+use jostle_arena::driving::DrivingMeter;
+use jostle_arena::identity::PolicyIdentity;
+use jostle_arena::loaded::LoadedPolicy;
+use jostle_arena::metrics::{EpisodeMetrics, MetricScale};
+use jostle_arena::outcome::EpisodeOutcome;
+use jostle_arena::robot::TrainedRobot;
 use jostle_eval::records::{EpisodeRecord, read_records};
-use jostle_eval::robot::TrainedRobot;
 use jostle_peds::CrowdKind;
 use jostle_policy::Backend;
 use jostle_ppo::{Config, Trainer};
@@ -116,10 +116,10 @@ fn policy(scratch: &Path) -> Result<Case> {
     let (whole, archive) = (fs::read(&path)?, Archive::read(&path)?);
     Ok(Box::new(move |rng| {
         damage_archive(&path, &whole, &archive, rng)?;
-        let use_it = || -> Result<(), jostle_eval::error::EvalError> {
+        let use_it = || -> Result<(), jostle_arena::ArenaError> {
             let policy = LoadedPolicy::load(&path)?;
             let n_agents = usize::try_from(policy.file.provenance.n_agents).unwrap_or(usize::MAX);
-            EvalConfig { sim: policy.sim_config()?, n_agents, ..EvalConfig::default() }.validate()?;
+            ArenaConfig { sim: policy.sim_config()?, n_agents, ..ArenaConfig::default() }.validate()?;
             TrainedRobot::new(&policy, 0, Backend::Fast).map(drop)
         };
         Ok(verdict(use_it()))

@@ -1,6 +1,6 @@
 //! What the page and the server say to each other: JSON, one object a message.
 
-use jostle_eval::EpisodeOutcome;
+use jostle_arena::EpisodeOutcome;
 use jostle_peds::CrowdKind;
 use serde::{Deserialize, Serialize};
 

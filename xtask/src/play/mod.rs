@@ -21,8 +21,8 @@ use std::sync::Arc;
 
 use anyhow::Result;
 use clap::Args;
-use jostle_eval::Planner;
-use jostle_eval::crowds::Pools;
+use jostle_arena::Planner;
+use jostle_arena::crowds::Pools;
 use jostle_peds::CrowdKind;
 
 use self::message::Setup;

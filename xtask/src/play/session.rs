@@ -3,12 +3,12 @@
 
 use anyhow::{Context as _, Result, ensure};
 use glam::Vec2;
-use jostle_eval::config::EvalConfig;
-use jostle_eval::crowds::{Pools, make_crowd};
-use jostle_eval::replay::beam_stride;
-use jostle_eval::room::{EvalRoom, RoomPlan};
-use jostle_eval::site::polygons;
-use jostle_eval::{EpisodeOutcome, Robot};
+use jostle_arena::config::ArenaConfig;
+use jostle_arena::crowds::{Pools, make_crowd};
+use jostle_arena::replay::beam_stride;
+use jostle_arena::room::{ArenaRoom, RoomPlan};
+use jostle_arena::site::polygons;
+use jostle_arena::{EpisodeOutcome, Robot};
 use jostle_peds::{Crowd, CrowdKind, Motion, Pedestrian};
 use jostle_sim::{Laser, Pose, Shape};
 
@@ -56,7 +56,7 @@ pub(crate) struct Session<'a> {
     robot: Box<dyn Robot>,
     /// The robot's, kept from step to step.
     memory: Vec<f32>,
-    room: EvalRoom,
+    room: ArenaRoom,
     episode: u64,
     /// Steps since the episode began.
     step: u64,
@@ -89,7 +89,7 @@ impl<'a> Session<'a> {
             "pedestrians: found {}, expected at most {PEDESTRIANS_MAX}",
             setup.pedestrians
         );
-        let config = EvalConfig {
+        let config = ArenaConfig {
             seed: setup.seed,
             ..config_of(std::slice::from_ref(driver), Some(setup.pedestrians + 1))?
         };
@@ -99,7 +99,7 @@ impl<'a> Session<'a> {
         Ok(Self {
             scene: Scene::new(&config, &polygons(&plan.scenario))?,
             crowd: crowd_of(stock, &plan)?,
-            room: EvalRoom::new(&plan, &laser, episode)?,
+            room: ArenaRoom::new(&plan, &laser, episode)?,
             stock,
             setup,
             plan,
@@ -151,7 +151,7 @@ impl<'a> Session<'a> {
 
     /// The next episode, in the room as it is now.
     pub(crate) fn next(&mut self) -> Result<()> {
-        let room = EvalRoom::new(&self.plan, &self.laser, self.episode + 1)?;
+        let room = ArenaRoom::new(&self.plan, &self.laser, self.episode + 1)?;
         (self.room, self.episode, self.step, self.outcome) = (room, self.episode + 1, 0, None);
         Ok(())
     }
@@ -237,7 +237,7 @@ fn crowd_of(stock: &Stock, plan: &RoomPlan) -> Result<Box<dyn Crowd>> {
 
 #[cfg(test)]
 mod tests {
-    use jostle_eval::Planner;
+    use jostle_arena::Planner;
 
     use super::*;
 

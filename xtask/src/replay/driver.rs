@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::{Result, ensure};
-use jostle_eval::room::RoomPlan;
-use jostle_eval::{LoadedPolicy, Planner, Robot};
+use jostle_arena::room::RoomPlan;
+use jostle_arena::{LoadedPolicy, Planner, Robot};
 
 use crate::policies;
 
@@ -15,7 +15,7 @@ pub(crate) struct Driver {
     pub(crate) note: String,
     /// `None` for a planner, which has none.
     pub(crate) token: Option<u32>,
-    who: jostle_eval::Driver,
+    who: jostle_arena::Driver,
 }
 
 impl Driver {
@@ -23,11 +23,11 @@ impl Driver {
     pub(crate) fn open(path: &Path, token: u32) -> Result<Self> {
         let who = policies::driver(path)?;
         let policy = match &who {
-            jostle_eval::Driver::Planner(planner) => {
+            jostle_arena::Driver::Planner(planner) => {
                 ensure!(token == 0, "token: found {token}, expected 0: {planner} knows no behaviours");
                 return Ok(Self::planner(*planner));
             }
-            jostle_eval::Driver::Trained(policy) => policy,
+            jostle_arena::Driver::Trained(policy) => policy,
         };
         let provenance = &policy.file.provenance;
         let mut note = format!(
@@ -49,7 +49,7 @@ impl Driver {
             name: planner.name().to_owned(),
             note,
             token: None,
-            who: jostle_eval::Driver::Planner(planner),
+            who: jostle_arena::Driver::Planner(planner),
         }
     }
 

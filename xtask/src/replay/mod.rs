@@ -12,13 +12,13 @@ use std::process::ExitCode;
 
 use anyhow::{Context as _, Result, bail, ensure};
 use clap::{Args, ValueEnum};
-use jostle_eval::EpisodeOutcome;
-use jostle_eval::config::EvalConfig;
-use jostle_eval::crowds::{Pools, check_observation};
+use jostle_arena::EpisodeOutcome;
+use jostle_arena::config::ArenaConfig;
+use jostle_arena::crowds::{Pools, check_observation};
+use jostle_arena::replay::{EpisodeTrace, trace_episodes};
+use jostle_arena::room::RoomPlan;
+use jostle_arena::site::polygons;
 use jostle_eval::protocol::Protocol;
-use jostle_eval::replay::{EpisodeTrace, trace_episodes};
-use jostle_eval::room::RoomPlan;
-use jostle_eval::site::polygons;
 use jostle_peds::CrowdKind;
 
 use self::driver::Driver;
@@ -122,7 +122,7 @@ pub(crate) fn run(args: &ReplayArgs) -> Result<ExitCode> {
     if let Some(path) = &args.against {
         drivers.push(Driver::open(path, args.against_token)?);
     }
-    let config = EvalConfig { seed: args.seed, ..config_of(&drivers, args.agents)? };
+    let config = ArenaConfig { seed: args.seed, ..config_of(&drivers, args.agents)? };
     crate::maps::tell(&config.sim.room)?;
     let protocol = Protocol::new(config, pools(args, &crowds)?)?;
     let wish = Wish { wanted: args.outcome, episodes: args.episodes, search: args.search };
@@ -136,8 +136,8 @@ pub(crate) fn run(args: &ReplayArgs) -> Result<ExitCode> {
 ///
 /// # Errors
 /// Two policies that read different observations.
-pub(crate) fn config_of(drivers: &[Driver], agents: Option<usize>) -> Result<EvalConfig> {
-    let mut config = EvalConfig::default();
+pub(crate) fn config_of(drivers: &[Driver], agents: Option<usize>) -> Result<ArenaConfig> {
+    let mut config = ArenaConfig::default();
     if let Some(policy) = drivers.iter().find_map(|driver| driver.policy()) {
         config.sim = policy.sim_config()?;
         config.n_agents = policy.file.provenance.n_agents as usize;

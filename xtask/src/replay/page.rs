@@ -5,11 +5,11 @@
 
 use anyhow::{Context as _, Result, ensure};
 use glam::Vec2;
-use jostle_eval::EpisodeOutcome;
-use jostle_eval::config::EvalConfig;
-use jostle_eval::metrics::EpisodeMetrics;
+use jostle_arena::EpisodeOutcome;
+use jostle_arena::config::ArenaConfig;
+use jostle_arena::metrics::EpisodeMetrics;
+use jostle_arena::replay::{EpisodeTrace, TraceFrame, beam_stride};
 use jostle_eval::protocol::Protocol;
-use jostle_eval::replay::{EpisodeTrace, TraceFrame, beam_stride};
 use jostle_peds::{CrowdKind, Pedestrian};
 use jostle_sim::LaserConfig;
 use serde::Serialize;
@@ -74,7 +74,7 @@ impl Scene {
     ///
     /// # Errors
     /// A room or a laser beyond what the page's numbers hold.
-    pub(crate) fn new(config: &EvalConfig, site: &[Vec<Vec2>]) -> Result<Self> {
+    pub(crate) fn new(config: &ArenaConfig, site: &[Vec<Vec2>]) -> Result<Self> {
         let sim = &config.sim;
         let reach =
             site.iter().flatten().map(|corner| corner.abs().max_element()).fold(sim.laser.range, f32::max);

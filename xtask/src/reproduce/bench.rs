@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Result, ensure};
+use jostle_arena::config::ArenaConfig;
+use jostle_arena::crowds::Pools;
+use jostle_arena::{Driver, Planner};
 use jostle_eval::claims::{Row, SeedRun, Study};
-use jostle_eval::config::EvalConfig;
-use jostle_eval::crowds::Pools;
 use jostle_eval::diversity::{Diversity, TRAJECTORY_STEPS, diversity, trajectory};
 use jostle_eval::protocol::Protocol;
-use jostle_eval::{Driver, Planner};
 use jostle_peds::CrowdKind;
 
 use super::cells::{Cells, Wanted};
@@ -90,7 +90,7 @@ impl Bench {
         let mut row = self.take(name)?;
         if let Some(states) = states.filter(|_| row.diversity.is_empty()) {
             for (found, run) in row.found.iter().zip(&mut row.row.seeds) {
-                let measured = diversity(&found.policy, EvalConfig::default().backend, &states)?;
+                let measured = diversity(&found.policy, ArenaConfig::default().backend, &states)?;
                 run.diversity = Some(measured.d);
                 row.diversity.push(measured);
             }
@@ -122,10 +122,10 @@ impl Bench {
         crowd: CrowdKind,
         n_agents: Option<usize>,
     ) -> Result<Vec<jostle_eval::compact::CompactEpisode>> {
-        let config = EvalConfig {
+        let config = ArenaConfig {
             sim: found.policy.sim_config()?,
             n_agents: n_agents.unwrap_or(found.policy.file.provenance.n_agents as usize),
-            ..EvalConfig::default()
+            ..ArenaConfig::default()
         };
         let protocol = Protocol::new(config, self.pools.clone())?;
         let driver = Driver::Trained(Box::new(found.policy.clone()));
@@ -137,7 +137,7 @@ impl Bench {
     pub(crate) fn planner(&mut self, planner: Planner, n_agents: usize) -> Result<&Sites> {
         let mut sites = self.planners.remove(&(planner, n_agents)).unwrap_or_default();
         let driver = Driver::Planner(planner);
-        let config = EvalConfig { sim: self.policies.sim(), n_agents, ..EvalConfig::default() };
+        let config = ArenaConfig { sim: self.policies.sim(), n_agents, ..ArenaConfig::default() };
         let protocol = Protocol::new(config, self.pools.clone())?;
         for crowd in CrowdKind::PAPER {
             if !sites.contains_key(crowd.name()) {
@@ -191,7 +191,7 @@ impl Bench {
             if let Some(baseline) = row.found.first() {
                 let sim = baseline.policy.sim_config()?;
                 let n_agents = baseline.policy.file.provenance.n_agents as usize;
-                let backend = EvalConfig::default().backend;
+                let backend = ArenaConfig::default().backend;
                 let (seed, steps) = (TRAJECTORY_SEED, TRAJECTORY_STEPS);
                 self.states = Some(trajectory(&baseline.policy, &sim, backend, n_agents, seed, steps)?);
             }

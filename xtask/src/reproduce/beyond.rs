@@ -1,12 +1,12 @@
 //! Beyond the paper: every behaviour token in every crowd, how episodes end, and how robots drive.
 
 use anyhow::Result;
-use jostle_eval::Planner;
+use jostle_arena::Planner;
+use jostle_arena::config::ArenaConfig;
+use jostle_arena::outcome::EpisodeOutcome;
 use jostle_eval::claims::SeedRun;
 use jostle_eval::compact::CompactEpisode;
-use jostle_eval::config::EvalConfig;
 use jostle_eval::driving::{Driven, DrivingSummary};
-use jostle_eval::outcome::EpisodeOutcome;
 use jostle_eval::report::{PooledCell, PooledRow, PooledTable, SeedValue, Source};
 use jostle_peds::CrowdKind;
 
@@ -93,8 +93,10 @@ pub(super) fn outcomes(bench: &mut Bench) -> Result<PooledTable> {
 
 /// How the robot drives, over the six crowds together, for every row that has policies and every planner.
 pub(super) fn driving(bench: &mut Bench) -> Result<PooledTable> {
-    let scale =
-        jostle_eval::room::metric_scale(&EvalConfig { sim: bench.policies.sim(), ..EvalConfig::default() });
+    let scale = jostle_arena::room::metric_scale(&ArenaConfig {
+        sim: bench.policies.sim(),
+        ..ArenaConfig::default()
+    });
     let measured = |episodes: &mut dyn Iterator<Item = &Vec<CompactEpisode>>| {
         let driven = episodes.flatten().map(|episode| Driven {
             outcome: episode.outcome,

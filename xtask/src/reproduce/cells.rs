@@ -3,11 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
-use jostle_eval::Driver;
+use jostle_arena::Driver;
+use jostle_arena::identity::short;
+use jostle_arena::room::{RoomPlan, metric_scale};
 use jostle_eval::compact::CompactCell;
-use jostle_eval::identity::short;
 use jostle_eval::protocol::{Protocol, Subject};
-use jostle_eval::room::{RoomPlan, metric_scale};
 use jostle_peds::CrowdKind;
 
 use crate::output::note;

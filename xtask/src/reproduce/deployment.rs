@@ -1,10 +1,10 @@
 //! Table 5: two realistic maps, a Jackal's body and limits, 3 to 8 social-force pedestrians.
 
 use anyhow::Result;
-use jostle_eval::Driver;
+use jostle_arena::Driver;
+use jostle_arena::config::ArenaConfig;
+use jostle_arena::crowds::Pools;
 use jostle_eval::compact::CompactEpisode;
-use jostle_eval::config::EvalConfig;
-use jostle_eval::crowds::Pools;
 use jostle_eval::protocol::Protocol;
 use jostle_peds::CrowdKind;
 use jostle_sim::{AccelerationLimits, SimConfig};
@@ -45,12 +45,12 @@ fn on_map(cells: &mut Cells, driver: &Driver, sim: &SimConfig, map: &str) -> Res
     let mut all = Vec::new();
     let counts = PEDESTRIANS.count() as u64;
     for (i, n_pedestrians) in PEDESTRIANS.enumerate() {
-        let config = EvalConfig {
+        let config = ArenaConfig {
             sim: world(sim.clone(), map),
             n_agents: 1 + n_pedestrians,
             // In so small a place 3 m around every body would leave none.
             respawn_clearance: 1.5,
-            ..EvalConfig::default()
+            ..ArenaConfig::default()
         };
         let protocol = Protocol::new(config, Pools::default())?;
         let episodes = EPISODES / counts + u64::from((i as u64) < EPISODES % counts);
@@ -75,18 +75,18 @@ fn world(mut sim: SimConfig, map: &str) -> SimConfig {
 
 #[cfg(test)]
 mod tests {
-    use jostle_eval::room::RoomPlan;
+    use jostle_arena::room::RoomPlan;
 
     use super::*;
 
     #[test]
     fn the_maps_hold_a_robot_and_eight_pedestrians() {
         for map in MAPS {
-            let config = EvalConfig {
+            let config = ArenaConfig {
                 sim: world(SimConfig::default(), map),
                 n_agents: 9,
                 respawn_clearance: 1.5,
-                ..EvalConfig::default()
+                ..ArenaConfig::default()
             };
             RoomPlan::new(&config, CrowdKind::Sf).unwrap();
         }

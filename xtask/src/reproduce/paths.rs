@@ -2,11 +2,11 @@
 
 use anyhow::{Result, bail};
 use glam::{DVec2, Vec2};
-use jostle_eval::config::EvalConfig;
-use jostle_eval::loaded::LoadedPolicy;
-use jostle_eval::outcome::EpisodeOutcome;
+use jostle_arena::config::ArenaConfig;
+use jostle_arena::loaded::LoadedPolicy;
+use jostle_arena::outcome::EpisodeOutcome;
+use jostle_arena::robot::{RobotPolicy, TrainedRobot};
 use jostle_eval::report::grid::csv_line;
-use jostle_eval::robot::{RobotPolicy, TrainedRobot};
 use jostle_sim::{
     CrashRule, Laser, Motion, Observer, Outcome, Pose, RoomConfig, Scenario, Sensor, Shape, Streams,
     apply_limits, clip_action, maps, outcome,
@@ -119,7 +119,7 @@ fn drawn(way: &Way, dt: f64) -> RobotPath {
 /// A robot alone in the scene; the laser's noise is the same for every token.
 fn way(policy: &LoadedPolicy, token: u32, scenario: &Scenario) -> Result<Way> {
     let sim = policy.sim_config()?;
-    let mut robot = TrainedRobot::new(policy, token, EvalConfig::default().backend)?;
+    let mut robot = TrainedRobot::new(policy, token, ArenaConfig::default().backend)?;
     let mut world = scenario.build()?;
     world.add_body(&Shape::Box { length: sim.robot.length, width: sim.robot.width }, Pose::default())?;
     let mut laser = Laser::new(&sim.laser)?;

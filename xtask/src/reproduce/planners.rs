@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 
 use anyhow::Result;
-use jostle_eval::Planner;
+use jostle_arena::Planner;
+use jostle_arena::outcome::EpisodeOutcome;
 use jostle_eval::claims::{Measure, Row};
 use jostle_eval::compact::CompactEpisode;
-use jostle_eval::outcome::EpisodeOutcome;
 use jostle_eval::report::pooled::NO_LABEL;
 use jostle_eval::report::{PooledCell, PooledRow, SeedValue, Source};
 use jostle_eval::statistics::PairedCounts;
@@ -188,8 +188,8 @@ fn shown_p(p: f64) -> String {
 
 #[cfg(test)]
 mod tests {
+    use jostle_arena::metrics::{EpisodeMetrics, MetricScale};
     use jostle_eval::claims::SeedRun;
-    use jostle_eval::metrics::{EpisodeMetrics, MetricScale};
 
     use super::*;
 

@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
-use jostle_eval::crowds::Pools;
-use jostle_eval::loaded::LoadedPolicy;
+use jostle_arena::crowds::Pools;
+use jostle_arena::loaded::LoadedPolicy;
 use jostle_eval::report::Source;
 use jostle_sim::SimConfig;
 

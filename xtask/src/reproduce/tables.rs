@@ -1,13 +1,14 @@
 //! Tables 1 to 5 of the paper from the rows of a study.
 
 use anyhow::Result;
+use jostle_arena::metrics::EpisodeMetrics;
+use jostle_arena::outcome::EpisodeOutcome;
+use jostle_arena::{Driver, Planner};
 use jostle_eval::claims::{Measure, SeedRun};
 use jostle_eval::compact::CompactEpisode;
-use jostle_eval::metrics::{EpisodeMetrics, Summary};
-use jostle_eval::outcome::EpisodeOutcome;
+use jostle_eval::metrics::Summary;
 use jostle_eval::paper::{self, Metric};
 use jostle_eval::report::{PooledCell, PooledRow, PooledTable, SeedValue};
-use jostle_eval::{Driver, Planner};
 use jostle_peds::CrowdKind;
 
 use super::bench::{Bench, Evaluated};

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail, ensure};
-use jostle_eval::identity::hex_sha256;
-use jostle_eval::loaded::LoadedPolicy;
+use jostle_arena::identity::hex_sha256;
+use jostle_arena::loaded::LoadedPolicy;
 use jostle_ppo::Config;
 use serde::{Deserialize, Serialize};
 

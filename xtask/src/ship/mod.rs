@@ -12,7 +12,7 @@ use std::process::ExitCode;
 
 use anyhow::{Context as _, Result, bail, ensure};
 use clap::{Args, ValueEnum};
-use jostle_eval::identity::hex_sha256;
+use jostle_arena::identity::hex_sha256;
 use jostle_policy::{PolicyFile, Precision};
 
 use self::curve::FIRST;

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
 use clap::{ArgAction, Args as _, Command, FromArgMatches as _};
-use jostle_eval::planners::Planner;
+use jostle_arena::planners::Planner;
 use jostle_eval::report::Evaluation;
 use jostle_ppo::Config;
 use toml::{Table, Value};

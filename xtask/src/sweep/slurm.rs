@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context as _, Result, bail, ensure};
-use jostle_eval::identity::hex_sha256;
+use jostle_arena::identity::hex_sha256;
 use serde::{Deserialize, Serialize};
 
 use super::local::quote;

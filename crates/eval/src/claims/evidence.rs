@@ -7,9 +7,9 @@ use serde::Serialize;
 
 use super::study::{SeedRun, Study};
 use super::{Claim, Measure, Part, Region, Term, Verdict};
-use crate::outcome::EpisodeOutcome;
 use crate::statistics::bootstrap::{EpisodeDraws, ROUNDS, over_seeds, percentile_interval};
 use crate::statistics::{Contrast, Interval, PairedCounts, Permutation};
+use jostle_arena::outcome::EpisodeOutcome;
 
 /// Level of the intervals.
 const LEVEL: f64 = 0.95;

@@ -4,27 +4,12 @@ use jostle_peds::CrowdKind;
 use serde::{Deserialize, Serialize};
 
 use crate::driving::{Driven, DrivingSummary};
-use crate::identity::PolicyIdentity;
-use crate::metrics::{MetricScale, Summary};
-use crate::outcome::EpisodeOutcome;
+use crate::metrics::Summary;
 use crate::records::EpisodeRecord;
 use crate::statistics::{Interval, Mcnemar, PairedCounts, paired_difference};
-
-/// Which policies drove the pedestrians.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct PoolNote {
-    /// In their order; pedestrian i is driven by policy i modulo their number.
-    pub policies: Vec<PolicyIdentity>,
-    /// Number of pedestrians in a room.
-    pub n_pedestrians: usize,
-}
-
-impl PoolNote {
-    /// Whether there are more pedestrians than policies, so that some share one.
-    pub fn is_cycled(&self) -> bool {
-        self.policies.len() < self.n_pedestrians
-    }
-}
+use jostle_arena::crowds::PoolNote;
+use jostle_arena::metrics::MetricScale;
+use jostle_arena::outcome::EpisodeOutcome;
 
 /// A paired comparison with a baseline on the same episodes; the baseline is the first of the pair.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -8,9 +8,9 @@ use super::cell::CellResult;
 use super::grid::{Grid, csv_line, number};
 use super::table::{cell_notes, provenance, seen_in_training};
 use crate::driving::DrivingSummary;
-use crate::identity::PolicyIdentity;
 use crate::metrics::MeanStd;
 use crate::statistics::{Interval, wilson};
+use jostle_arena::identity::PolicyIdentity;
 
 /// A policy with one token among some crowds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -7,8 +7,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::grid::{Grid, csv_line, number};
-use crate::identity::PolicyIdentity;
 use crate::statistics::{Contrast, Interval, student, wilson};
+use jostle_arena::identity::PolicyIdentity;
 
 /// A cell of one training seed.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -388,7 +388,7 @@ pub fn latex(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::metrics::EpisodeMetrics;
+    use jostle_arena::metrics::EpisodeMetrics;
 
     fn table() -> PooledTable {
         let identity =
@@ -490,7 +490,7 @@ mod tests {
         let text = table.text();
         assert!(text.contains("dwa  planner  0.900") && text.contains("dwa: better"), "{text}");
         assert!(
-            text.contains(&format!("dwa: dwa (sha256 {})", crate::identity::short(&identity.sha256))),
+            text.contains(&format!("dwa: dwa (sha256 {})", jostle_arena::identity::short(&identity.sha256))),
             "{text}"
         );
         let of_planner: Vec<String> =
@@ -503,8 +503,8 @@ mod tests {
 
     #[test]
     fn the_bound_of_time_on_distance_holds_for_rounded_distances() {
-        let scale = crate::metrics::MetricScale { dt: 0.1, goal_radius: 0.5, v_max: 1.0 };
-        let outcome = crate::outcome::EpisodeOutcome::Success;
+        let scale = jostle_arena::metrics::MetricScale { dt: 0.1, goal_radius: 0.5, v_max: 1.0 };
+        let outcome = jostle_arena::outcome::EpisodeOutcome::Success;
         let metrics = EpisodeMetrics::from_totals(&scale, outcome, 100, 10.0, 9.123_456_7);
         let excess = metrics.extra_distance.unwrap() - metrics.extra_time.unwrap();
         assert!(excess.abs() < crate::metrics::DistanceCheck::TOLERANCE);

@@ -9,7 +9,7 @@ use super::cell::CellResult;
 use super::evaluation::with_interval;
 use super::grid::{Grid, csv_line, number};
 use super::table::provenance;
-use crate::identity::PolicyIdentity;
+use jostle_arena::identity::PolicyIdentity;
 
 /// Share of the worst cells whose mean is the score's conditional value at risk (`cvar`).
 pub const CVAR_SHARE: f64 = 0.25;
@@ -230,8 +230,9 @@ fn score(scenes: &[SceneResult]) -> Option<SuiteScore> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::metrics::{EpisodeMetrics, MetricScale, Summary};
-    use crate::outcome::EpisodeOutcome;
+    use crate::metrics::Summary;
+    use jostle_arena::metrics::{EpisodeMetrics, MetricScale};
+    use jostle_arena::outcome::EpisodeOutcome;
 
     /// A cell of ten episodes.
     fn cell(crowd: CrowdKind, success: usize) -> CellResult {

@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 
 use super::cell::CellResult;
 use super::grid::{Grid, csv_line, number};
-use crate::identity::{PolicyIdentity, short};
 use crate::paper;
+use jostle_arena::identity::{PolicyIdentity, short};
 
 /// A row: one policy in up to six crowds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -371,8 +371,8 @@ fn csv_fields(row: &SuccessRow, idx: usize, crowd: CrowdKind) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::identity::Opponent;
-    use crate::report::PoolNote;
+    use jostle_arena::crowds::PoolNote;
+    use jostle_arena::identity::Opponent;
 
     #[test]
     fn a_crowd_that_was_seen_in_training_says_so() {
@@ -390,7 +390,7 @@ mod tests {
         let cell = |crowd, seeds: &[u64]| {
             let policies = seeds.iter().map(|seed| trained("pedestrian", *seed)).collect();
             let pool = (!seeds.is_empty()).then_some(PoolNote { policies, n_pedestrians: 2 });
-            let scale = crate::metrics::MetricScale { dt: 0.1, goal_radius: 0.5, v_max: 1.0 };
+            let scale = jostle_arena::metrics::MetricScale { dt: 0.1, goal_radius: 0.5, v_max: 1.0 };
             CellResult::new(crowd, "cell".to_owned(), &scale, &[], pool)
         };
         let seen = |crowd, seeds: &[u64]| seen_in_training(&policy, &cell(crowd, seeds));

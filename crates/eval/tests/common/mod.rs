@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use jostle_eval::{EvalConfig, LoadedPolicy, Pools};
+use jostle_arena::{ArenaConfig, LoadedPolicy, Pools};
 use jostle_policy::{NetworkConfig, Parameters, PolicyFile, Provenance};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -37,8 +37,8 @@ pub fn pools() -> Pools {
 }
 
 /// The default settings with a shorter time limit.
-pub fn brief(step_limit: u32) -> EvalConfig {
-    let mut config = EvalConfig::default();
+pub fn brief(step_limit: u32) -> ArenaConfig {
+    let mut config = ArenaConfig::default();
     config.sim.episode.step_limit = step_limit;
     config
 }

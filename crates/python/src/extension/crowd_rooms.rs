@@ -2,8 +2,9 @@
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use jostle_eval::room::EvalRoom;
-use jostle_eval::{EpisodeOutcome, EvalError};
+use jostle_arena::EpisodeOutcome;
+use jostle_arena::room::ArenaRoom;
+use jostle_eval::EvalError;
 use jostle_sim::Pose;
 use pyo3::buffer::PyBuffer;
 use pyo3::prelude::*;
@@ -197,7 +198,7 @@ impl PyCrowdRooms {
 }
 
 /// The robot's place and goal.
-fn robot_place(room: &EvalRoom) -> [f32; 5] {
+fn robot_place(room: &ArenaRoom) -> [f32; 5] {
     let robot = room.robot();
     place(Pose { position: robot.position, heading: robot.heading }, robot.goal)
 }

@@ -2,9 +2,10 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use jostle_eval::robot::Rows;
-use jostle_eval::room::RoomPlan;
-use jostle_eval::{EvalError, PolicyIdentity, Protocol, Robot, RobotPolicy, Subject, TrainedRobot};
+use jostle_arena::robot::Rows;
+use jostle_arena::room::RoomPlan;
+use jostle_arena::{PolicyIdentity, Robot, RobotPolicy, TrainedRobot};
+use jostle_eval::{EvalError, Protocol, Subject};
 use pyo3::buffer::PyBuffer;
 use pyo3::prelude::*;
 
@@ -69,7 +70,7 @@ pub(super) fn evaluate_policy(
 ) -> PyResult<Found> {
     let mut settings = keywords.settings(&keywords.base_for(&policy.loaded)?)?;
     (settings.config.lock_step, settings.config.seed) = (lock_step, seed);
-    jostle_eval::crowds::check_observation(&settings.config, &policy.loaded).map_err(value_error)?;
+    jostle_arena::crowds::check_observation(&settings.config, &policy.loaded).map_err(value_error)?;
     let mut robot =
         TrainedRobot::new(&policy.loaded, policy.token, settings.config.backend).map_err(value_error)?;
     let subject = Subject { identity: &policy.loaded.identity, token: policy.token };

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
-use jostle_eval::{Planner, RobotPolicy};
+use jostle_arena::{Planner, RobotPolicy};
 use jostle_ppo::Config;
 use pyo3::buffer::PyBuffer;
 use pyo3::prelude::*;

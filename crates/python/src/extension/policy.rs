@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
-use jostle_eval::{LoadedPolicy, RobotPolicy as _, TrainedRobot};
+use jostle_arena::{LoadedPolicy, RobotPolicy as _, TrainedRobot};
 use jostle_policy::encoder::EncoderScratch;
 use jostle_policy::{Backend, Encoder};
 use jostle_runs::policies;

@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use jostle_eval::metrics::EpisodeMetrics;
-use jostle_eval::room::metric_scale;
-use jostle_eval::{EpisodeOutcome, EvalConfig};
+use jostle_arena::metrics::EpisodeMetrics;
+use jostle_arena::room::metric_scale;
+use jostle_arena::{ArenaConfig, EpisodeOutcome};
 use jostle_sim::{Outcome, StepEnd, Transition};
 use pyo3::buffer::PyBuffer;
 use pyo3::prelude::*;
@@ -196,7 +196,7 @@ impl PyRobotRoom {
         info.set_item("outcome", name)?;
         info.set_item("is_success", outcome == EpisodeOutcome::Success)?;
         if let Some(episode) = &transition.episode {
-            let scale = metric_scale(&EvalConfig { sim: self.config.sim.clone(), ..EvalConfig::default() });
+            let scale = metric_scale(&ArenaConfig { sim: self.config.sim.clone(), ..ArenaConfig::default() });
             let (steps, straight) = (u64::from(episode.steps), f64::from(episode.straight_distance));
             let metrics = EpisodeMetrics::from_totals(&scale, outcome, steps, episode.path_length, straight);
             measures(&info, steps, &metrics, min_clearance)?;

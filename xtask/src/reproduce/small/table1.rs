@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
-use jostle_eval::Driver;
-use jostle_eval::config::EvalConfig;
-use jostle_eval::crowds::Pools;
-use jostle_eval::loaded::LoadedPolicy;
+use jostle_arena::Driver;
+use jostle_arena::config::ArenaConfig;
+use jostle_arena::crowds::Pools;
+use jostle_arena::loaded::LoadedPolicy;
 use jostle_eval::paper::{BehavioursRow, TABLE_1};
 use jostle_eval::protocol::Protocol;
 use jostle_eval::records::EpisodeRecord;
@@ -62,7 +62,7 @@ fn fill(
 ) -> Result<Vec<Vec<EpisodeRecord>>> {
     let run = row_run(of_paper.n_behaviours);
     let policy = policies::load(&trained(out, &run, plan::updates(of_paper.updates.into())))?;
-    let config = EvalConfig { sim: policy.sim_config()?, n_agents: row.n_agents, ..EvalConfig::default() };
+    let config = ArenaConfig { sim: policy.sim_config()?, n_agents: row.n_agents, ..ArenaConfig::default() };
     let driver = Driver::Trained(Box::new(policy));
     let protocol = Protocol::new(config, pools.clone())?;
     let mut all = Vec::new();

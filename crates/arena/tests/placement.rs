@@ -3,23 +3,23 @@
 use std::io::Write as _;
 
 use glam::Vec2;
-use jostle_eval::EpisodeOutcome;
-use jostle_eval::EvalConfig;
-use jostle_eval::crowds::{Pools, make_crowd};
-use jostle_eval::lock_step::Walks;
-use jostle_eval::room::{EvalRoom, RoomPlan};
-use jostle_eval::site::polygons;
+use jostle_arena::ArenaConfig;
+use jostle_arena::EpisodeOutcome;
+use jostle_arena::crowds::{Pools, make_crowd};
+use jostle_arena::lock_step::Walks;
+use jostle_arena::room::{ArenaRoom, RoomPlan};
+use jostle_arena::site::polygons;
 use jostle_peds::{CrowdKind, Motion};
 use jostle_sim::{Laser, SimConfig};
 
 /// Few beams: what is tested here are places.
-fn quick(n_agents: usize) -> EvalConfig {
+fn quick(n_agents: usize) -> ArenaConfig {
     let mut sim = SimConfig::default();
     sim.laser.beams = 64;
-    EvalConfig { sim, n_agents, ..EvalConfig::default() }
+    ArenaConfig { sim, n_agents, ..ArenaConfig::default() }
 }
 
-fn square(side: f32, n_agents: usize) -> EvalConfig {
+fn square(side: f32, n_agents: usize) -> ArenaConfig {
     let mut config = quick(n_agents);
     (config.sim.room.width, config.sim.room.height) = (side, side);
     config
@@ -27,17 +27,17 @@ fn square(side: f32, n_agents: usize) -> EvalConfig {
 
 /// Runs episodes with a robot that stands still, to their ends or `steps`; `watch` sees each room after each step.
 fn run(
-    config: &EvalConfig,
+    config: &ArenaConfig,
     crowd: CrowdKind,
     episodes: std::ops::Range<u64>,
     steps: u32,
-    mut watch: impl FnMut(&EvalRoom),
+    mut watch: impl FnMut(&ArenaRoom),
 ) {
     let plan = RoomPlan::new(config, crowd).unwrap();
     let laser = Laser::new(&config.sim.laser).unwrap();
     let mut pedestrians = make_crowd(config, crowd, &Pools::default(), &polygons(&plan.scenario)).unwrap();
     let mut walks = Walks::default();
-    let mut rooms: Vec<EvalRoom> = episodes.map(|k| EvalRoom::new(&plan, &laser, k).unwrap()).collect();
+    let mut rooms: Vec<ArenaRoom> = episodes.map(|k| ArenaRoom::new(&plan, &laser, k).unwrap()).collect();
     for _ in 0..steps {
         walks.decide(&plan, &mut *pedestrians, &rooms).unwrap();
         let mut over = Vec::new();
@@ -51,12 +51,12 @@ fn run(
 }
 
 /// FNV-1a over positions and goals of everyone. The robot's end is not looked at: pedestrians walk on beside it.
-fn hash_of_walks(config: &EvalConfig, crowd: CrowdKind) -> u64 {
+fn hash_of_walks(config: &ArenaConfig, crowd: CrowdKind) -> u64 {
     let plan = RoomPlan::new(config, crowd).unwrap();
     let laser = Laser::new(&config.sim.laser).unwrap();
     let mut pedestrians = make_crowd(config, crowd, &Pools::default(), &polygons(&plan.scenario)).unwrap();
     let mut walks = Walks::default();
-    let mut rooms: Vec<EvalRoom> = (0..4).map(|k| EvalRoom::new(&plan, &laser, k).unwrap()).collect();
+    let mut rooms: Vec<ArenaRoom> = (0..4).map(|k| ArenaRoom::new(&plan, &laser, k).unwrap()).collect();
     let mut hash: u64 = 0xCBF2_9CE4_8422_2325;
     for _ in 0..395 {
         walks.decide(&plan, &mut *pedestrians, &rooms).unwrap();
@@ -76,12 +76,12 @@ fn hash_of_walks(config: &EvalConfig, crowd: CrowdKind) -> u64 {
 /// Written down before the free space was enumerated.
 #[test]
 fn the_draws_of_the_usual_room_are_pinned() {
-    let config = |n_agents| EvalConfig { n_agents, ..EvalConfig::default() };
+    let config = |n_agents| ArenaConfig { n_agents, ..ArenaConfig::default() };
     assert_eq!(hash_of_walks(&config(5), CrowdKind::Sf), 0x051B_07C2_13BE_F9D7);
     assert_eq!(hash_of_walks(&config(5), CrowdKind::Vo), 0x5DE8_268D_8E5A_7253);
     assert_eq!(hash_of_walks(&config(20), CrowdKind::Sf), 0x612C_5693_A0BF_ADCC);
     for (map, hash) in [("warehouse", 0x1F81_6227_539A_D791), ("hospital", 0x53B8_F81D_B8F9_6D07)] {
-        let mut config = EvalConfig { respawn_clearance: 1.5, ..config(9) };
+        let mut config = ArenaConfig { respawn_clearance: 1.5, ..config(9) };
         config.sim.room.map = Some(format!("{}/../../maps/{map}.toml", env!("CARGO_MANIFEST_DIR")).into());
         config.sim.spawn.goal_distance = 5.0;
         (config.sim.robot.length, config.sim.robot.width) = (0.508, 0.430);
@@ -137,16 +137,16 @@ fn a_dense_crowd_goes_on_to_its_end() {
 
 #[test]
 fn rooms_that_cannot_hold_a_crowd_are_refused_at_the_start() {
-    let refusal = |config: &EvalConfig| RoomPlan::new(config, CrowdKind::Sf).unwrap_err().to_string();
+    let refusal = |config: &ArenaConfig| RoomPlan::new(config, CrowdKind::Sf).unwrap_err().to_string();
     assert!(refusal(&square(12.0, 40)).starts_with("n_agents: found 40, expected so few that their spawn"));
     assert!(refusal(&square(9.0, 2)).starts_with("spawn.goal_distance: found 10, expected at most 9.8"));
-    let near = EvalConfig { respawn_clearance: 0.6, ..quick(5) };
+    let near = ArenaConfig { respawn_clearance: 0.6, ..quick(5) };
     assert_eq!(
         refusal(&near),
         "respawn_clearance: found 0.6, expected at least 0.8535534 m, a body's radius and the crash range, so that no \
          re-spawn is a crash"
     );
-    assert!(RoomPlan::new(&EvalConfig { respawn_clearance: 0.0, ..quick(1) }, CrowdKind::Sf).is_ok());
+    assert!(RoomPlan::new(&ArenaConfig { respawn_clearance: 0.0, ..quick(1) }, CrowdKind::Sf).is_ok());
 }
 
 /// Pedestrians of a divided room stay on their side, through all their goals and re-spawns.
@@ -180,7 +180,7 @@ fn a_long_robot_that_touches_something_has_crashed() {
     for crowd in [CrowdKind::Sf, CrowdKind::Nh] {
         let plan = RoomPlan::new(&config, crowd).unwrap();
         for episode in 0..40 {
-            let mut room = EvalRoom::new(&plan, &laser, episode).unwrap();
+            let mut room = ArenaRoom::new(&plan, &laser, episode).unwrap();
             let stands = episode % 2 == 0;
             let end = loop {
                 // Straight at the robot; every other robot drives straight on.
@@ -216,7 +216,7 @@ fn a_long_pedestrian_that_touches_a_wall_is_put_elsewhere() {
     let laser = Laser::new(&config.sim.laser).unwrap();
     let mut n_respawned = 0;
     for episode in 0..20 {
-        let mut room = EvalRoom::new(&plan, &laser, episode).unwrap();
+        let mut room = ArenaRoom::new(&plan, &laser, episode).unwrap();
         let mut n_still = 0;
         loop {
             let before = room.pedestrians()[0].position;

@@ -5,10 +5,13 @@ use jostle_policy::Backend;
 use jostle_sim::SimConfig;
 use serde::{Deserialize, Serialize};
 
-use crate::cell::MAP_VERSION;
-use crate::error::EvalError;
+use crate::error::ArenaError;
 use crate::identity::hex_sha256;
 use crate::scene::SceneConfig;
+
+/// Part of the hashes of settings with a map, to be raised whenever an episode on a map may end differently for the same settings. 2: crowds know walls as one area
+/// ([`jostle_sim::Scenario::boundary`]), whatever pieces a map has.
+pub const MAP_VERSION: u32 = 2;
 
 /// When a pedestrian counts as crashed and is re-spawned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -23,7 +26,7 @@ pub enum PedestrianCrash {
 /// Settings of a test. All but `lock_step` decide the result and are part of a cell's hash.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct EvalConfig {
+pub struct ArenaConfig {
     /// Room, robot, laser and episode; a checkpoint's own, so that a policy is tested in the world it was trained in.
     pub sim: SimConfig,
     /// The built-in crowds and who sees whom.
@@ -49,7 +52,7 @@ pub struct EvalConfig {
     pub scene: Option<SceneConfig>,
 }
 
-impl Default for EvalConfig {
+impl Default for ArenaConfig {
     fn default() -> Self {
         Self {
             sim: SimConfig::default(),
@@ -66,7 +69,7 @@ impl Default for EvalConfig {
     }
 }
 
-impl EvalConfig {
+impl ArenaConfig {
     /// Number of pedestrians in a room.
     pub fn n_pedestrians(&self) -> usize {
         self.n_agents - 1
@@ -82,11 +85,11 @@ impl EvalConfig {
     /// # Errors
     ///
     /// The first field out of its range.
-    pub fn validate(&self) -> Result<(), EvalError> {
+    pub fn validate(&self) -> Result<(), ArenaError> {
         self.sim.validate()?;
         self.crowds.validate()?;
         let refuse = |field, found: String, expected: &str| {
-            Err(EvalError::Setting { field, found, expected: expected.to_owned() })
+            Err(ArenaError::Setting { field, found, expected: expected.to_owned() })
         };
         if !(1..=1000).contains(&self.n_agents) {
             return refuse("n_agents", self.n_agents.to_string(), "1 to 1000");
@@ -129,13 +132,13 @@ mod tests {
 
     #[test]
     fn settings_hash_ignores_the_lock_step_alone() {
-        let config = EvalConfig::default();
+        let config = ArenaConfig::default();
         assert!(config.validate().is_ok());
-        let wide = EvalConfig { lock_step: 7, ..config.clone() };
+        let wide = ArenaConfig { lock_step: 7, ..config.clone() };
         assert_eq!(wide.settings_hash(None), config.settings_hash(None));
         let mut seen = config.clone();
         seen.crowds.visibility.vo.robot = true;
-        let contact = EvalConfig { learned_crash: PedestrianCrash::Contact, ..config.clone() };
+        let contact = ArenaConfig { learned_crash: PedestrianCrash::Contact, ..config.clone() };
         assert_ne!(seen.settings_hash(None), config.settings_hash(None));
         assert_ne!(contact.settings_hash(None), config.settings_hash(None));
         assert_ne!(config.settings_hash(Some("a")), config.settings_hash(Some("b")));
@@ -148,21 +151,21 @@ mod tests {
     #[test]
     fn the_hash_of_the_default_settings_stays() {
         assert_eq!(
-            EvalConfig::default().settings_hash(None),
+            ArenaConfig::default().settings_hash(None),
             "7764dab4fc3e7892a7a527188225d466e1fd483316fb5cb1e155c87d6b07f94a"
         );
     }
 
     #[test]
     fn out_of_range_is_named() {
-        let check = |config: EvalConfig, message: &str| {
+        let check = |config: ArenaConfig, message: &str| {
             assert_eq!(config.validate().unwrap_err().to_string(), message);
         };
-        let config = EvalConfig::default();
-        check(EvalConfig { n_agents: 0, ..config.clone() }, "n_agents: found 0, expected 1 to 1000");
-        check(EvalConfig { lock_step: 0, ..config.clone() }, "lock_step: found 0, expected at least 1");
+        let config = ArenaConfig::default();
+        check(ArenaConfig { n_agents: 0, ..config.clone() }, "n_agents: found 0, expected 1 to 1000");
+        check(ArenaConfig { lock_step: 0, ..config.clone() }, "lock_step: found 0, expected at least 1");
         check(
-            EvalConfig { respawn_clearance: f32::NAN, ..config },
+            ArenaConfig { respawn_clearance: f32::NAN, ..config },
             "respawn_clearance: found NaN, expected 0 to 1000 m",
         );
     }

@@ -1,6 +1,6 @@
 //! One test room: a robot (body 0) among pedestrians (bodies 1 …), for one episode.
 //!
-//! Reading order: [`EvalRoom::new`] (spawn), [`EvalRoom::step`] (a control period, in the order of its calls); `live` (a
+//! Reading order: [`ArenaRoom::new`] (spawn), [`ArenaRoom::step`] (a control period, in the order of its calls); `live` (a
 //! room that someone changes while it runs).
 //!
 //! Every draw comes from a stream named by its purpose and by the episode's index, so that episode k starts the same in
@@ -17,9 +17,9 @@ use jostle_sim::{
     SpawnConfig, Spawner, Stop, StreamRng, Streams, World, apply_limits, clip_action, maps, outcome,
 };
 
-use crate::config::{EvalConfig, PedestrianCrash};
+use crate::config::{ArenaConfig, PedestrianCrash};
 use crate::driving::{Driving, DrivingMeter, Neighbour};
-use crate::error::EvalError;
+use crate::error::ArenaError;
 use crate::metrics::{EpisodeMetrics, MetricScale, distance};
 use crate::outcome::EpisodeOutcome;
 use crate::robot::RobotView;
@@ -31,7 +31,7 @@ const ROBOT: usize = 0;
 #[derive(Debug)]
 pub struct RoomPlan {
     /// Settings.
-    pub config: EvalConfig,
+    pub config: ArenaConfig,
     /// The crowd.
     pub crowd: CrowdKind,
     /// What its pedestrians see.
@@ -55,8 +55,8 @@ impl RoomPlan {
     ///
     /// Settings out of range; a map that cannot be read; a room without places for so many; a crowd of one's own, whose name
     /// does not say what it sees. What passes here never fails to find a start, a goal or a place for a re-spawn.
-    pub fn new(config: &EvalConfig, crowd: CrowdKind) -> Result<Self, EvalError> {
-        let visibility = config.crowds.visibility.of(crowd).ok_or(EvalError::OwnCrowd { crowd })?;
+    pub fn new(config: &ArenaConfig, crowd: CrowdKind) -> Result<Self, ArenaError> {
+        let visibility = config.crowds.visibility.of(crowd).ok_or(ArenaError::OwnCrowd { crowd })?;
         Self::with(config, crowd, visibility, crowd.is_learned())
     }
 
@@ -66,18 +66,18 @@ impl RoomPlan {
     /// # Errors
     ///
     /// As [`Self::new`].
-    pub fn among(config: &EvalConfig, crowd: &dyn Crowd) -> Result<Self, EvalError> {
+    pub fn among(config: &ArenaConfig, crowd: &dyn Crowd) -> Result<Self, ArenaError> {
         let kind = crowd.kind();
         let visibility = config.crowds.visibility.of(kind).unwrap_or_else(|| crowd.visibility());
         Self::with(config, kind, visibility, crowd.senses_by_laser())
     }
 
     fn with(
-        config: &EvalConfig,
+        config: &ArenaConfig,
         crowd: CrowdKind,
         visibility: Visibility,
         senses_by_laser: bool,
-    ) -> Result<Self, EvalError> {
+    ) -> Result<Self, ArenaError> {
         config.validate()?;
         let scenario = match &config.scene {
             Some(scene) => scene.scenario(),
@@ -112,7 +112,7 @@ impl RoomPlan {
 }
 
 /// A scene places its bodies itself; what is added to it later may be put anywhere.
-pub(crate) fn spawn_settings(config: &EvalConfig) -> SimConfig {
+pub(crate) fn spawn_settings(config: &ArenaConfig) -> SimConfig {
     let mut sim = config.sim.clone();
     if config.scene.is_some() {
         let wall_clearance = sim.passing_radius();
@@ -122,7 +122,7 @@ pub(crate) fn spawn_settings(config: &EvalConfig) -> SimConfig {
 }
 
 /// The settings as decimal numbers: 0.1, not the f32 nearest to it.
-pub fn metric_scale(config: &EvalConfig) -> MetricScale {
+pub fn metric_scale(config: &ArenaConfig) -> MetricScale {
     let decimal = |value: f32| value.to_string().parse().expect("a printed number can be read");
     MetricScale {
         dt: decimal(config.sim.episode.dt),
@@ -152,7 +152,7 @@ pub struct FinishedEpisode {
 
 /// A room in one episode.
 #[derive(Clone)]
-pub struct EvalRoom {
+pub struct ArenaRoom {
     episode: u64,
     world: World,
     laser: Laser,
@@ -184,14 +184,14 @@ pub struct EvalRoom {
     meter: DrivingMeter,
 }
 
-impl EvalRoom {
+impl ArenaRoom {
     /// Spawns episode `episode`: the robot first, so that its start and goal do not depend on the number of
     /// pedestrians, then each pedestrian.
     ///
     /// # Errors
     ///
     /// Walls or obstacles that the world refuses.
-    pub fn new(plan: &RoomPlan, laser: &Laser, episode: u64) -> Result<Self, EvalError> {
+    pub fn new(plan: &RoomPlan, laser: &Laser, episode: u64) -> Result<Self, ArenaError> {
         Self::seeded(plan, laser, plan.config.seed, episode)
     }
 
@@ -200,7 +200,7 @@ impl EvalRoom {
     /// # Errors
     ///
     /// As [`Self::new`].
-    pub fn seeded(plan: &RoomPlan, laser: &Laser, seed: u64, episode: u64) -> Result<Self, EvalError> {
+    pub fn seeded(plan: &RoomPlan, laser: &Laser, seed: u64, episode: u64) -> Result<Self, ArenaError> {
         let (config, sim) = (&plan.config, &plan.config.sim);
         let streams = Streams::new(seed);
         let shape = Shape::Box { length: sim.robot.length, width: sim.robot.width };
@@ -368,7 +368,7 @@ impl EvalRoom {
         plan: &RoomPlan,
         action: [f32; 2],
         walks: &[Walk],
-    ) -> Result<Option<FinishedEpisode>, EvalError> {
+    ) -> Result<Option<FinishedEpisode>, ArenaError> {
         self.advance(plan, action, walks)?;
         self.scan_all(plan);
         if let Some(outcome) = self.outcome(plan) {
@@ -397,11 +397,11 @@ impl EvalRoom {
     }
 
     /// Moves all bodies, the robot first.
-    fn advance(&mut self, plan: &RoomPlan, action: [f32; 2], walks: &[Walk]) -> Result<(), EvalError> {
+    fn advance(&mut self, plan: &RoomPlan, action: [f32; 2], walks: &[Walk]) -> Result<(), ArenaError> {
         let sim = &plan.config.sim;
         let [v, w] = action;
         if !(v.is_finite() && w.is_finite()) {
-            return Err(EvalError::Action { episode: self.episode, step: self.steps, v, w });
+            return Err(ArenaError::Action { episode: self.episode, step: self.steps, v, w });
         }
         let dt = sim.episode.dt;
         let command = clip_action(action, &sim.robot);

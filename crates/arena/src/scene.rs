@@ -11,7 +11,7 @@ use jostle_sim::{Pose, Scenario, Shape, SimConfig, Spawner, World};
 use rand::{Rng, RngExt as _};
 use serde::{Deserialize, Serialize};
 
-use crate::error::EvalError;
+use crate::error::ArenaError;
 
 /// Points drawn for one start before the best of them is taken.
 const TRIES: u32 = 1000;
@@ -158,7 +158,7 @@ impl SceneConfig {
     ///
     /// A rectangle without an area or outside the floor, a region without room for those who start in it, a group of nobody, a
     /// range of times that is reversed.
-    pub fn validate(&self, sim: &SimConfig) -> Result<(), EvalError> {
+    pub fn validate(&self, sim: &SimConfig) -> Result<(), ArenaError> {
         if !self.floor.is_sound() {
             return refuse("scene.floor", self.floor, "a rectangle with an area");
         }
@@ -205,7 +205,7 @@ impl SceneConfig {
         world: &World,
         clearance: f32,
         n_bodies: usize,
-    ) -> Result<(), EvalError> {
+    ) -> Result<(), ArenaError> {
         if !region.is_sound() || !self.floor.contains(region) {
             return refuse(field, region, "a rectangle with an area, within the floor");
         }
@@ -225,7 +225,7 @@ impl SceneConfig {
     /// # Errors
     ///
     /// The first goal region that cannot be reached.
-    pub fn check_ways(&self, sim: &SimConfig, world: &World, spawner: &Spawner) -> Result<(), EvalError> {
+    pub fn check_ways(&self, sim: &SimConfig, world: &World, spawner: &Spawner) -> Result<(), ArenaError> {
         let clearance = clearance(sim);
         let check = |field: &'static str, start: &Region, goal: &Region| {
             let mut ends = start.free_points(world, clearance).chain(goal.free_points(world, clearance));
@@ -363,8 +363,8 @@ fn free_point(
     best.1
 }
 
-fn refuse(field: &'static str, found: impl fmt::Display, expected: &str) -> Result<(), EvalError> {
-    Err(EvalError::Setting { field, found: found.to_string(), expected: expected.to_owned() })
+fn refuse(field: &'static str, found: impl fmt::Display, expected: &str) -> Result<(), ArenaError> {
+    Err(ArenaError::Setting { field, found: found.to_string(), expected: expected.to_owned() })
 }
 
 #[cfg(test)]
@@ -373,7 +373,7 @@ mod tests {
     use jostle_sim::Streams;
 
     use super::*;
-    use crate::config::EvalConfig;
+    use crate::config::ArenaConfig;
     use crate::room::RoomPlan;
 
     fn region(min: [f32; 2], max: [f32; 2]) -> Region {
@@ -472,7 +472,7 @@ mod tests {
         let check = |change: &dyn Fn(&mut SceneConfig)| {
             let mut scene = scene();
             change(&mut scene);
-            let config = EvalConfig { n_agents: 7, scene: Some(scene), ..EvalConfig::default() };
+            let config = ArenaConfig { n_agents: 7, scene: Some(scene), ..ArenaConfig::default() };
             RoomPlan::new(&config, CrowdKind::Sf).err().map(|error| error.to_string()).unwrap_or_default()
         };
         assert_eq!(check(&|_| ()), "");

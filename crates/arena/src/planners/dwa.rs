@@ -28,7 +28,7 @@ use super::each_row::RowPlanner;
 use super::reader::{RowReader, angle_of};
 use super::rollouts::{Rollouts, lower_to};
 use super::tracks::{Cluster, ScanTracks, TrackConfig};
-use crate::error::EvalError;
+use crate::error::ArenaError;
 
 /// Returns of what stands still that are nearer together than this count once (m).
 const SPACING: f32 = 0.15;
@@ -94,9 +94,9 @@ impl DwaConfig {
     /// # Errors
     ///
     /// The first field out of its range.
-    pub fn validate(&self) -> Result<(), EvalError> {
+    pub fn validate(&self) -> Result<(), ArenaError> {
         let refuse = |field, found: String, expected: &str| {
-            Err(EvalError::Setting { field, found, expected: expected.to_owned() })
+            Err(ArenaError::Setting { field, found, expected: expected.to_owned() })
         };
         for (field, n) in [("speeds", self.speeds), ("rates", self.rates), ("steps", self.steps)] {
             if !(1..=1000).contains(&n) {
@@ -151,7 +151,7 @@ impl Dwa {
     /// # Errors
     ///
     /// A setting out of its range.
-    pub fn new(sim: &SimConfig, config: DwaConfig) -> Result<Self, EvalError> {
+    pub fn new(sim: &SimConfig, config: DwaConfig) -> Result<Self, ArenaError> {
         config.validate()?;
         let limits = [sim.robot.v_max, sim.robot.w_max];
         let rollouts = Rollouts::new(config.speeds, config.rates, limits, config.steps, config.step);

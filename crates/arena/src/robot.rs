@@ -5,7 +5,7 @@
 use jostle_peds::Pedestrian;
 use jostle_policy::{Backend, Batch, Network, actor};
 
-use crate::error::EvalError;
+use crate::error::ArenaError;
 use crate::loaded::LoadedPolicy;
 
 /// What there is to be known of a room at one step.
@@ -35,7 +35,7 @@ pub trait Robot: Send {
         rooms: Views<'_, '_>,
         memory: &mut Vec<f32>,
         actions: &mut [[f32; 2]],
-    ) -> Result<(), EvalError>;
+    ) -> Result<(), ArenaError>;
 }
 
 impl<P: RobotPolicy + ?Sized> Robot for P {
@@ -44,7 +44,7 @@ impl<P: RobotPolicy + ?Sized> Robot for P {
         rooms: Views<'_, '_>,
         memory: &mut Vec<f32>,
         actions: &mut [[f32; 2]],
-    ) -> Result<(), EvalError> {
+    ) -> Result<(), ArenaError> {
         self.act_rows(&mut rooms.map(|room| room.row), memory, actions);
         Ok(())
     }
@@ -58,7 +58,7 @@ impl<P: RobotPolicy + ?Sized> Robot for P {
 /// # Examples
 ///
 /// ```
-/// use jostle_eval::robot::{PerRow, RobotPolicy};
+/// use jostle_arena::robot::{PerRow, RobotPolicy};
 /// // Straight on at full speed, whatever is seen.
 /// let mut blind = PerRow::new(|_row: &[f32]| [1.0, 0.0]);
 /// let mut actions = [[0.0; 2]; 2];
@@ -128,10 +128,10 @@ impl TrainedRobot {
     /// # Errors
     ///
     /// A token beyond the policy's behaviours; a back end that cannot be had.
-    pub fn new(policy: &LoadedPolicy, token: u32, backend: Backend) -> Result<Self, EvalError> {
+    pub fn new(policy: &LoadedPolicy, token: u32, backend: Backend) -> Result<Self, ArenaError> {
         let n_behaviours = policy.file.network.n_behaviours;
         if token as usize >= n_behaviours {
-            return Err(EvalError::Setting {
+            return Err(ArenaError::Setting {
                 field: "token",
                 found: token.to_string(),
                 expected: format!("less than the policy's {n_behaviours} behaviours"),

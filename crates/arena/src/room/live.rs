@@ -7,20 +7,20 @@ use glam::Vec2;
 use jostle_peds::Pedestrian;
 use jostle_sim::{Hit, Motion, Observer, Pose, ScanSummary, Shape, Spawner, Streams};
 
-use super::{EvalRoom, ROBOT, RoomPlan, spawn_settings};
+use super::{ArenaRoom, ROBOT, RoomPlan, spawn_settings};
 use crate::driving::DrivingMeter;
-use crate::error::EvalError;
+use crate::error::ArenaError;
 
 /// What is put into a running room keeps this distance from the robot's crash range (m).
 const MARGIN: f32 = 0.5;
 
-impl EvalRoom {
+impl ArenaRoom {
     /// Gives the robot another goal. The time limit and the way count from here.
     ///
     /// # Errors
     ///
     /// A goal that the robot cannot reach without a crash: too near to a wall or an obstacle, or beyond one.
-    pub fn set_goal(&mut self, plan: &RoomPlan, goal: Vec2) -> Result<(), EvalError> {
+    pub fn set_goal(&mut self, plan: &RoomPlan, goal: Vec2) -> Result<(), ArenaError> {
         let least = plan.config.sim.episode.crash_range;
         if !goal.is_finite() || self.world.clearance(goal) < least {
             return refuse("goal", goal, format!("a point at least {least} m from walls and obstacles"));
@@ -41,7 +41,7 @@ impl EvalRoom {
     /// # Errors
     ///
     /// A place that is taken or too near to the robot; a room that is too full for one more.
-    pub fn add_pedestrian(&mut self, plan: &mut RoomPlan, position: Vec2) -> Result<(), EvalError> {
+    pub fn add_pedestrian(&mut self, plan: &mut RoomPlan, position: Vec2) -> Result<(), ArenaError> {
         let body = self.motions.len();
         let (config, shape) = (&plan.config, self.world.shape(ROBOT).clone());
         let size = shape.circumradius();
@@ -83,7 +83,7 @@ impl EvalRoom {
     ///
     /// A place that is taken, too near to the robot or on its goal, or that would cut the robot off from it; a room in which
     /// starts and goals would no longer find their places; a shape that the world refuses. Nothing is changed then.
-    pub fn add_obstacle(&mut self, plan: &mut RoomPlan, shape: &Shape, pose: Pose) -> Result<(), EvalError> {
+    pub fn add_obstacle(&mut self, plan: &mut RoomPlan, shape: &Shape, pose: Pose) -> Result<(), ArenaError> {
         shape.validate("obstacle")?;
         let size = shape.circumradius();
         self.check_place(plan, "obstacle", pose.position, size)?;
@@ -119,7 +119,7 @@ impl EvalRoom {
         field: &'static str,
         position: Vec2,
         size: f32,
-    ) -> Result<(), EvalError> {
+    ) -> Result<(), ArenaError> {
         let from_robot = size + plan.config.sim.episode.crash_range + MARGIN;
         let far = |body: usize| {
             let least = if body == ROBOT { from_robot } else { size + self.world.shape(body).circumradius() };
@@ -133,8 +133,8 @@ impl EvalRoom {
     }
 }
 
-fn refuse(field: &'static str, found: Vec2, expected: String) -> Result<(), EvalError> {
-    Err(EvalError::Setting { field, found: format!("({:.2}, {:.2})", found.x, found.y), expected })
+fn refuse(field: &'static str, found: Vec2, expected: String) -> Result<(), ArenaError> {
+    Err(ArenaError::Setting { field, found: format!("({:.2}, {:.2})", found.x, found.y), expected })
 }
 
 #[cfg(test)]
@@ -143,19 +143,19 @@ mod tests {
     use jostle_sim::Laser;
 
     use super::*;
-    use crate::config::EvalConfig;
+    use crate::config::ArenaConfig;
     use crate::outcome::EpisodeOutcome;
 
-    fn room() -> (RoomPlan, EvalRoom) {
-        let config = EvalConfig { n_agents: 3, ..EvalConfig::default() };
+    fn room() -> (RoomPlan, ArenaRoom) {
+        let config = ArenaConfig { n_agents: 3, ..ArenaConfig::default() };
         let plan = RoomPlan::new(&config, CrowdKind::Nh).unwrap();
         let laser = Laser::new(&config.sim.laser).unwrap();
-        let room = EvalRoom::new(&plan, &laser, 0).unwrap();
+        let room = ArenaRoom::new(&plan, &laser, 0).unwrap();
         (plan, room)
     }
 
     /// Points that are free, the nearest to the robot first.
-    fn free_points(room: &EvalRoom) -> Vec<Vec2> {
+    fn free_points(room: &ArenaRoom) -> Vec<Vec2> {
         let robot = room.robot().position;
         let grid = (0..81).map(|k| Vec2::new((k % 9) as f32 - 4.0, (k / 9) as f32 - 4.0) * 2.0);
         let mut points: Vec<Vec2> = grid
@@ -207,7 +207,7 @@ mod tests {
         assert_eq!(plan.config.n_agents, 4);
         // The next episode of the plan has it from its start.
         let laser = Laser::new(&plan.config.sim.laser).unwrap();
-        assert_eq!(EvalRoom::new(&plan, &laser, 1).unwrap().pedestrians().len(), 3);
+        assert_eq!(ArenaRoom::new(&plan, &laser, 1).unwrap().pedestrians().len(), 3);
     }
 
     #[test]

@@ -9,10 +9,10 @@ use jostle_peds::{Crowd, CrowdKind, Pedestrian};
 use jostle_sim::Laser;
 use rayon::prelude::*;
 
-use crate::error::EvalError;
+use crate::error::ArenaError;
 use crate::lock_step::Buffers;
 use crate::robot::Robot;
-use crate::room::{EvalRoom, FinishedEpisode, RoomPlan};
+use crate::room::{ArenaRoom, FinishedEpisode, RoomPlan};
 
 /// The steps of an episode.
 #[derive(Clone, Debug, PartialEq)]
@@ -49,8 +49,8 @@ pub struct TraceFrame {
 /// # Examples
 ///
 /// ```
-/// assert_eq!(jostle_eval::replay::beam_stride(512, 128), 4);
-/// assert_eq!(jostle_eval::replay::beam_stride(16, 128), 1);
+/// assert_eq!(jostle_arena::replay::beam_stride(512, 128), 4);
+/// assert_eq!(jostle_arena::replay::beam_stride(16, 128), 1);
 /// ```
 pub fn beam_stride(total: usize, beams: usize) -> usize {
     total.div_ceil(beams.max(1)).max(1)
@@ -67,13 +67,13 @@ pub fn trace_episodes(
     crowd: &mut dyn Crowd,
     episodes: &[u64],
     beams: usize,
-) -> Result<Vec<EpisodeTrace>, EvalError> {
+) -> Result<Vec<EpisodeTrace>, ArenaError> {
     let laser = Laser::new(&plan.config.sim.laser)?;
     let stride = beam_stride(plan.config.sim.laser.beams, beams);
     let episodes: Vec<u64> = episodes.iter().copied().collect::<BTreeSet<_>>().into_iter().collect();
-    let mut rooms: Vec<EvalRoom> = episodes
+    let mut rooms: Vec<ArenaRoom> = episodes
         .into_par_iter()
-        .map(|episode| EvalRoom::new(plan, &laser, episode))
+        .map(|episode| ArenaRoom::new(plan, &laser, episode))
         .collect::<Result<_, _>>()?;
     let factors: BTreeMap<u64, Vec<f32>> =
         rooms.iter().map(|room| (room.episode(), room.speed_factors().to_vec())).collect();
@@ -100,7 +100,7 @@ pub fn trace_episodes(
         .collect())
 }
 
-fn frame(plan: &RoomPlan, room: &EvalRoom, stride: usize) -> TraceFrame {
+fn frame(plan: &RoomPlan, room: &ArenaRoom, stride: usize) -> TraceFrame {
     let limit = plan.config.sim.laser.range;
     let ranges = room.robot_ranges();
     let quantise = |range: &f32| (range / limit * 255.0).round().clamp(0.0, 255.0) as u8;

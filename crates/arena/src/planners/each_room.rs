@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::error::EvalError;
+use crate::error::ArenaError;
 use crate::robot::{Robot, RobotView, Views};
 
 /// A function of one room's ground truth. It has no memory: `scratch` keeps its allocations and nothing that is read.
@@ -18,7 +18,7 @@ pub trait RoomPlanner: Send + Sync {
     /// # Errors
     ///
     /// A view with numbers that are not finite.
-    fn plan(&self, view: &RobotView<'_>, scratch: &mut Self::Scratch) -> Result<[f32; 2], EvalError>;
+    fn plan(&self, view: &RobotView<'_>, scratch: &mut Self::Scratch) -> Result<[f32; 2], ArenaError>;
 }
 
 /// A planner as a robot: rooms are planned for on all threads.
@@ -37,7 +37,7 @@ impl<P: RoomPlanner> Robot for EachRoom<P> {
         rooms: Views<'_, '_>,
         _memory: &mut Vec<f32>,
         actions: &mut [[f32; 2]],
-    ) -> Result<(), EvalError> {
+    ) -> Result<(), ArenaError> {
         let (planner, views) = (&self.0, rooms.collect::<Vec<RobotView<'_>>>());
         let rooms = views.par_iter().zip(actions);
         rooms.try_for_each_init(

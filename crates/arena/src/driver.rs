@@ -1,8 +1,8 @@
 //! Who can be named as a robot: a trained policy, or a planner.
 
-use crate::config::EvalConfig;
+use crate::config::ArenaConfig;
 use crate::crowds::check_observation;
-use crate::error::EvalError;
+use crate::error::ArenaError;
 use crate::identity::PolicyIdentity;
 use crate::loaded::LoadedPolicy;
 use crate::planners::Planner;
@@ -50,12 +50,12 @@ impl Driver {
     /// # Errors
     ///
     /// As [`LoadedPolicy::sim_config`].
-    pub fn config(&self) -> Result<EvalConfig, EvalError> {
-        let Self::Trained(policy) = self else { return Ok(EvalConfig::default()) };
-        Ok(EvalConfig {
+    pub fn config(&self) -> Result<ArenaConfig, ArenaError> {
+        let Self::Trained(policy) = self else { return Ok(ArenaConfig::default()) };
+        Ok(ArenaConfig {
             sim: policy.sim_config()?,
             n_agents: policy.file.provenance.n_agents as usize,
-            ..EvalConfig::default()
+            ..ArenaConfig::default()
         })
     }
 
@@ -64,7 +64,7 @@ impl Driver {
     /// # Errors
     ///
     /// As [`check_observation`].
-    pub fn check_observation(&self, config: &EvalConfig) -> Result<(), EvalError> {
+    pub fn check_observation(&self, config: &ArenaConfig) -> Result<(), ArenaError> {
         self.trained().map_or(Ok(()), |policy| check_observation(config, policy))
     }
 
@@ -73,11 +73,11 @@ impl Driver {
     /// # Errors
     ///
     /// A token that the driver does not know; a back end that cannot be had.
-    pub fn robot(&self, token: u32, plan: &RoomPlan) -> Result<Box<dyn Robot>, EvalError> {
+    pub fn robot(&self, token: u32, plan: &RoomPlan) -> Result<Box<dyn Robot>, ArenaError> {
         match self {
             Self::Trained(policy) => Ok(Box::new(TrainedRobot::new(policy, token, plan.config.backend)?)),
             Self::Planner(planner) if token == 0 => planner.robot(plan),
-            Self::Planner(planner) => Err(EvalError::Setting {
+            Self::Planner(planner) => Err(ArenaError::Setting {
                 field: "token",
                 found: token.to_string(),
                 expected: format!("0: the planner {planner} knows no behaviours"),

@@ -11,28 +11,28 @@ use jostle_peds::{Crowd, Motion, Pedestrian, RoomView};
 use jostle_sim::Laser;
 use rayon::prelude::*;
 
-use crate::error::EvalError;
+use crate::error::ArenaError;
 use crate::robot::Robot;
-use crate::room::{EvalRoom, FinishedEpisode, RoomPlan};
+use crate::room::{ArenaRoom, FinishedEpisode, RoomPlan};
 
 /// Runs the episodes of a range and hands each on, in order, as soon as all before it have ended.
 ///
 /// # Errors
 ///
 /// What a room, the crowd or `finished` refuses; episodes handed on until then stand.
-pub fn run_episodes(
+pub fn run_episodes<E: From<ArenaError>>(
     plan: &RoomPlan,
     robot: &mut dyn Robot,
     crowd: &mut dyn Crowd,
     episodes: Range<u64>,
-    mut finished: impl FnMut(FinishedEpisode) -> Result<(), EvalError>,
-) -> Result<(), EvalError> {
-    let laser = Laser::new(&plan.config.sim.laser)?;
+    mut finished: impl FnMut(FinishedEpisode) -> Result<(), E>,
+) -> Result<(), E> {
+    let laser = Laser::new(&plan.config.sim.laser).map_err(ArenaError::from)?;
     let width =
         plan.config.lock_step.min(usize::try_from(episodes.end - episodes.start).unwrap_or(usize::MAX));
     let mut upcoming = episodes.clone();
-    let spawn = |episodes: Vec<u64>| -> Result<Vec<EvalRoom>, EvalError> {
-        episodes.into_par_iter().map(|episode| EvalRoom::new(plan, &laser, episode)).collect()
+    let spawn = |episodes: Vec<u64>| -> Result<Vec<ArenaRoom>, ArenaError> {
+        episodes.into_par_iter().map(|episode| ArenaRoom::new(plan, &laser, episode)).collect()
     };
     let mut rooms = spawn(upcoming.by_ref().take(width).collect())?;
     let mut waiting = BTreeMap::new();
@@ -68,12 +68,12 @@ impl Buffers {
         plan: &RoomPlan,
         robot: &mut dyn Robot,
         crowd: &mut dyn Crowd,
-        rooms: &mut Vec<EvalRoom>,
-        watch: &mut dyn FnMut(&EvalRoom),
-    ) -> Result<Vec<FinishedEpisode>, EvalError> {
+        rooms: &mut Vec<ArenaRoom>,
+        watch: &mut dyn FnMut(&ArenaRoom),
+    ) -> Result<Vec<FinishedEpisode>, ArenaError> {
         self.actions.clear();
         self.actions.resize(rooms.len(), [0.0; 2]);
-        let mut views = rooms.iter().map(EvalRoom::robot_view);
+        let mut views = rooms.iter().map(ArenaRoom::robot_view);
         robot.drive(&mut views, &mut self.observations, &mut self.actions)?;
         self.walks.decide(plan, crowd, rooms)?;
         let (actions, walks) = (&self.actions, &self.walks);
@@ -81,7 +81,7 @@ impl Buffers {
             .par_iter_mut()
             .enumerate()
             .map(|(i, room)| room.step(plan, actions[i], walks.of(i)))
-            .collect::<Result<_, EvalError>>()?;
+            .collect::<Result<_, ArenaError>>()?;
         for room in rooms.iter() {
             watch(room);
         }
@@ -109,10 +109,10 @@ impl Walks {
         &mut self,
         plan: &RoomPlan,
         crowd: &mut dyn Crowd,
-        rooms: &[EvalRoom],
-    ) -> Result<(), EvalError> {
+        rooms: &[ArenaRoom],
+    ) -> Result<(), ArenaError> {
         self.robots.clear();
-        self.robots.extend(rooms.iter().map(EvalRoom::robot));
+        self.robots.extend(rooms.iter().map(ArenaRoom::robot));
         let seen = plan.visibility.robot;
         let views: Vec<RoomView<'_>> = rooms
             .iter()

@@ -8,11 +8,12 @@ use jostle_peds::social_force::{Border, SocialForceCrowd};
 use jostle_peds::validation::WalkersCrowd;
 use jostle_peds::{Crowd, CrowdKind, LearnedCrowd};
 use jostle_policy::PolicyFile;
+use serde::{Deserialize, Serialize};
 
-use crate::config::EvalConfig;
-use crate::error::EvalError;
+use crate::config::ArenaConfig;
+use crate::error::ArenaError;
+use crate::identity::PolicyIdentity;
 use crate::loaded::LoadedPolicy;
-use crate::report::PoolNote;
 
 /// The policies of learned pedestrians: the baseline ones, and the same at half their training (crowd SO).
 #[derive(Clone, Debug, Default)]
@@ -49,20 +50,36 @@ impl Pools {
     }
 }
 
+/// Which policies drove the pedestrians.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PoolNote {
+    /// In their order; pedestrian i is driven by policy i modulo their number.
+    pub policies: Vec<PolicyIdentity>,
+    /// Number of pedestrians in a room.
+    pub n_pedestrians: usize,
+}
+
+impl PoolNote {
+    /// Whether there are more pedestrians than policies, so that some share one.
+    pub fn is_cycled(&self) -> bool {
+        self.policies.len() < self.n_pedestrians
+    }
+}
+
 /// Makes a crowd for rooms with the given polygons (clockwise around free space, counter-clockwise around obstacles).
 ///
 /// # Errors
 ///
-/// An empty pool, a policy whose observation is not the room's, settings out of range; [`EvalError::OwnCrowd`] for a crowd of
+/// An empty pool, a policy whose observation is not the room's, settings out of range; [`ArenaError::OwnCrowd`] for a crowd of
 /// one's own, which only its owner can make.
 pub fn make_crowd(
-    config: &EvalConfig,
+    config: &ArenaConfig,
     kind: CrowdKind,
     pools: &Pools,
     polygons: &[Vec<Vec2>],
-) -> Result<Box<dyn Crowd>, EvalError> {
+) -> Result<Box<dyn Crowd>, ArenaError> {
     let (crowds, dt) = (&config.crowds, config.sim.episode.dt);
-    let visibility = crowds.visibility.of(kind).ok_or(EvalError::OwnCrowd { crowd: kind })?;
+    let visibility = crowds.visibility.of(kind).ok_or(ArenaError::OwnCrowd { crowd: kind })?;
     Ok(match kind {
         CrowdKind::Vo => {
             let obstacles = Arc::new(Obstacles::new(polygons)?);
@@ -73,12 +90,12 @@ pub fn make_crowd(
             Box::new(SocialForceCrowd::new(&crowds.social_force, visibility, dt, borders)?)
         }
         CrowdKind::Straight | CrowdKind::StopAndGo => Box::new(WalkersCrowd::new(kind)?),
-        CrowdKind::Own(_) => return Err(EvalError::OwnCrowd { crowd: kind }),
+        CrowdKind::Own(_) => return Err(ArenaError::OwnCrowd { crowd: kind }),
         CrowdKind::Nh | CrowdKind::In | CrowdKind::Va | CrowdKind::So | CrowdKind::CrossPlay => {
             // An empty room needs no policies, but the crowd must exist.
             let pool = pools.of(kind, config.n_pedestrians().max(1));
             if pool.is_empty() {
-                return Err(EvalError::EmptyPool { crowd: kind });
+                return Err(ArenaError::EmptyPool { crowd: kind });
             }
             for policy in pool {
                 check_observation(config, policy)?;
@@ -94,12 +111,12 @@ pub fn make_crowd(
 ///
 /// # Errors
 ///
-/// [`EvalError::Setting`] names both lengths, or both lasers.
-pub fn check_observation(config: &EvalConfig, policy: &LoadedPolicy) -> Result<(), EvalError> {
+/// [`ArenaError::Setting`] names both lengths, or both lasers.
+pub fn check_observation(config: &ArenaConfig, policy: &LoadedPolicy) -> Result<(), ArenaError> {
     let name = &policy.identity.name;
     let (found, expected) = (policy.file.network.observation_len(), config.sim.observation_len());
     if found != expected {
-        return Err(EvalError::Setting {
+        return Err(ArenaError::Setting {
             field: "observation of the policy",
             found: format!("{found} numbers in {name}"),
             expected: format!("{expected}, as the simulator's laser gives"),
@@ -112,7 +129,7 @@ pub fn check_observation(config: &EvalConfig, policy: &LoadedPolicy) -> Result<(
     if trained.points_as(laser) {
         return Ok(());
     }
-    Err(EvalError::Setting {
+    Err(ArenaError::Setting {
         field: "laser of the policy",
         found: format!("{name}, trained with a laser that sees {}", trained.view()),
         expected: format!("one trained with the room's, which sees {}", laser.view()),

@@ -12,7 +12,7 @@ use serde::Serialize;
 
 use super::each_room::RoomPlanner;
 use super::steering::steer;
-use crate::error::EvalError;
+use crate::error::ArenaError;
 use crate::robot::RobotView;
 use crate::room::RoomPlan;
 
@@ -59,7 +59,7 @@ impl OrcaRobot {
     /// # Errors
     ///
     /// A parameter out of its range.
-    pub fn new(plan: &RoomPlan, config: &OrcaRobotConfig) -> Result<Self, EvalError> {
+    pub fn new(plan: &RoomPlan, config: &OrcaRobotConfig) -> Result<Self, ArenaError> {
         let (robot, dt) = (plan.config.sim.robot.clone(), plan.config.sim.episode.dt);
         let own = AgentParameters {
             neighbour_distance: 10.0,
@@ -86,7 +86,7 @@ impl RoomPlanner for OrcaRobot {
         self.empty.clone()
     }
 
-    fn plan(&self, view: &RobotView<'_>, simulator: &mut OrcaSimulator) -> Result<[f32; 2], EvalError> {
+    fn plan(&self, view: &RobotView<'_>, simulator: &mut OrcaSimulator) -> Result<[f32; 2], ArenaError> {
         let robot = &view.robot;
         simulator.clear_agents();
         let own = simulator.add_agent(robot.position, robot.velocity, &self.own)?;
@@ -106,11 +106,11 @@ mod tests {
     use jostle_peds::{CrowdKind, Pedestrian};
 
     use super::*;
-    use crate::config::EvalConfig;
+    use crate::config::ArenaConfig;
 
     /// A robot at the origin, heading along x to a goal 8 m ahead, at full speed.
     fn plan(config: &OrcaRobotConfig, pedestrians: &[(Vec2, Vec2)]) -> [f32; 2] {
-        let plan = RoomPlan::new(&EvalConfig::default(), CrowdKind::Vo).unwrap();
+        let plan = RoomPlan::new(&ArenaConfig::default(), CrowdKind::Vo).unwrap();
         let planner = OrcaRobot::new(&plan, config).unwrap();
         let at = |position: Vec2, velocity: Vec2, goal: Vec2| Pedestrian {
             position,
@@ -146,7 +146,7 @@ mod tests {
 
     #[test]
     fn parameters_out_of_range_are_refused() {
-        let plan = RoomPlan::new(&EvalConfig::default(), CrowdKind::Vo).unwrap();
+        let plan = RoomPlan::new(&ArenaConfig::default(), CrowdKind::Vo).unwrap();
         let refused = |config: OrcaRobotConfig| OrcaRobot::new(&plan, &config).is_err();
         let config = OrcaRobotConfig::default();
         assert!(refused(OrcaRobotConfig { radius: -1.0, ..config }));

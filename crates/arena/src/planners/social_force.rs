@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use super::each_room::RoomPlanner;
 use super::steering::steer;
-use crate::error::EvalError;
+use crate::error::ArenaError;
 use crate::robot::RobotView;
 use crate::room::RoomPlan;
 
@@ -49,7 +49,7 @@ impl SocialForceRobot {
     /// # Errors
     ///
     /// A parameter out of its range.
-    pub fn new(plan: &RoomPlan, config: &SocialForceRobotConfig) -> Result<Self, EvalError> {
+    pub fn new(plan: &RoomPlan, config: &SocialForceRobotConfig) -> Result<Self, ArenaError> {
         let (robot, dt) = (plan.config.sim.robot.clone(), plan.config.sim.episode.dt);
         let model = SocialForce::new(&SocialForceConfig {
             desired_speed: DesiredSpeed::Fixed(f64::from(robot.v_max)),
@@ -79,7 +79,7 @@ impl RoomPlanner for SocialForceRobot {
         Vec::new()
     }
 
-    fn plan(&self, view: &RobotView<'_>, walkers: &mut Vec<Walker>) -> Result<[f32; 2], EvalError> {
+    fn plan(&self, view: &RobotView<'_>, walkers: &mut Vec<Walker>) -> Result<[f32; 2], ArenaError> {
         let robot = &view.robot;
         walkers.clear();
         walkers.push(self.walker(robot.position, robot.velocity, robot.goal));
@@ -97,11 +97,11 @@ mod tests {
     use jostle_peds::{CrowdKind, Pedestrian};
 
     use super::*;
-    use crate::config::EvalConfig;
+    use crate::config::ArenaConfig;
 
     /// A robot at the origin, heading along x to a goal 8 m ahead, at full speed.
     fn plan(pedestrians: &[(Vec2, Vec2)]) -> [f32; 2] {
-        let plan = RoomPlan::new(&EvalConfig::default(), CrowdKind::Sf).unwrap();
+        let plan = RoomPlan::new(&ArenaConfig::default(), CrowdKind::Sf).unwrap();
         let planner = SocialForceRobot::new(&plan, &SocialForceRobotConfig::default()).unwrap();
         let at = |position: Vec2, velocity: Vec2, goal: Vec2| Pedestrian {
             position,
@@ -125,7 +125,7 @@ mod tests {
 
     #[test]
     fn it_does_not_know_where_others_want_to_go() {
-        let plan = RoomPlan::new(&EvalConfig::default(), CrowdKind::Sf).unwrap();
+        let plan = RoomPlan::new(&ArenaConfig::default(), CrowdKind::Sf).unwrap();
         let planner = SocialForceRobot::new(&plan, &SocialForceRobotConfig::default()).unwrap();
         let act = |goal: Vec2| {
             let body =
@@ -138,7 +138,7 @@ mod tests {
 
     #[test]
     fn parameters_out_of_range_are_refused() {
-        let plan = RoomPlan::new(&EvalConfig::default(), CrowdKind::Sf).unwrap();
+        let plan = RoomPlan::new(&ArenaConfig::default(), CrowdKind::Sf).unwrap();
         let config = SocialForceRobotConfig { sigma: 0.0, ..SocialForceRobotConfig::default() };
         assert!(SocialForceRobot::new(&plan, &config).is_err());
     }

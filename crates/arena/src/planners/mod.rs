@@ -36,7 +36,7 @@ pub use straight::Straight;
 
 use self::each_room::EachRoom;
 use self::each_row::EachRow;
-use crate::error::EvalError;
+use crate::error::ArenaError;
 use crate::identity::{PolicyIdentity, hex_sha256};
 use crate::robot::{Robot, RobotPolicy};
 use crate::room::RoomPlan;
@@ -130,14 +130,16 @@ impl Planner {
     ///
     /// # Errors
     ///
-    /// [`EvalError::KnowsPositions`] for a planner that reads more than rows.
-    pub fn policy(self, sim: &SimConfig) -> Result<Box<dyn RobotPolicy>, EvalError> {
+    /// [`ArenaError::KnowsPositions`] for a planner that reads more than rows.
+    pub fn policy(self, sim: &SimConfig) -> Result<Box<dyn RobotPolicy>, ArenaError> {
         Ok(match self {
             Self::Straight => Box::new(EachRow::new(Straight::new(sim))),
             Self::Brake => Box::new(EachRow::new(Brake::new(sim))),
             Self::GoalSeeker => Box::new(EachRow::new(GoalSeeker::new(sim))),
             Self::Dwa => Box::new(EachRow::new(Dwa::new(sim, DwaConfig::default())?)),
-            Self::Orca | Self::SocialForce => return Err(EvalError::KnowsPositions { planner: self.name() }),
+            Self::Orca | Self::SocialForce => {
+                return Err(ArenaError::KnowsPositions { planner: self.name() });
+            }
         })
     }
 
@@ -146,7 +148,7 @@ impl Planner {
     /// # Errors
     ///
     /// Walls or obstacles that the models of ORCA and social force refuse.
-    pub fn robot(self, plan: &RoomPlan) -> Result<Box<dyn Robot>, EvalError> {
+    pub fn robot(self, plan: &RoomPlan) -> Result<Box<dyn Robot>, ArenaError> {
         Ok(match self {
             Self::Orca => Box::new(EachRoom::new(OrcaRobot::new(plan, &OrcaRobotConfig::default())?)),
             Self::SocialForce => {
@@ -164,13 +166,13 @@ impl fmt::Display for Planner {
 }
 
 impl FromStr for Planner {
-    type Err = EvalError;
+    type Err = ArenaError;
 
     /// # Errors
     ///
-    /// [`EvalError::UnknownPlanner`] with the names that are most like it.
-    fn from_str(name: &str) -> Result<Self, EvalError> {
-        let unknown = || EvalError::UnknownPlanner {
+    /// [`ArenaError::UnknownPlanner`] with the names that are most like it.
+    fn from_str(name: &str) -> Result<Self, ArenaError> {
+        let unknown = || ArenaError::UnknownPlanner {
             name: name.to_owned(),
             hint: did_you_mean(name, Self::ALL.map(Self::name)),
         };

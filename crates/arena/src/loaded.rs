@@ -6,7 +6,7 @@ use jostle_policy::{PolicyFile, excerpt};
 use jostle_sim::{SimConfig, TrainingCrowd};
 use serde::Deserialize;
 
-use crate::error::EvalError;
+use crate::error::ArenaError;
 use crate::identity::{Opponent, PolicyIdentity, hex_sha256};
 
 /// What matters here of a training configuration.
@@ -33,9 +33,9 @@ impl LoadedPolicy {
     /// # Errors
     ///
     /// As [`PolicyFile::load`].
-    pub fn load(path: &Path) -> Result<Self, EvalError> {
+    pub fn load(path: &Path) -> Result<Self, ArenaError> {
         let file = PolicyFile::load(path)?;
-        let bytes = std::fs::read(path).map_err(EvalError::io(path, "read"))?;
+        let bytes = std::fs::read(path).map_err(ArenaError::io(path, "read"))?;
         let name = path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy();
         let mut policy = Self::from_file(file, &name, hex_sha256(&bytes));
         policy.identity.trained_among = policy.training_crowd()?;
@@ -62,7 +62,7 @@ impl LoadedPolicy {
     }
 
     /// The shares of its training crowd, where it had one.
-    fn training_crowd(&self) -> Result<Vec<String>, EvalError> {
+    fn training_crowd(&self) -> Result<Vec<String>, ArenaError> {
         let Some(text) = self.file.metadata.get("config") else { return Ok(Vec::new()) };
         let config: TrainedWith =
             toml::from_str(text).map_err(|error| self.refuse("metadata config", "TOML", error.message()))?;
@@ -76,15 +76,15 @@ impl LoadedPolicy {
     }
 
     /// The opponents of its population that came from files.
-    fn opponents(&self) -> Result<Vec<Opponent>, EvalError> {
+    fn opponents(&self) -> Result<Vec<Opponent>, ArenaError> {
         let Some(text) = self.file.metadata.get("opponents") else { return Ok(Vec::new()) };
         serde_json::from_str(text)
             .map_err(|error| self.refuse("metadata opponents", "JSON of opponents", &error.to_string()))
     }
 
-    fn refuse(&self, field: &'static str, expected: &str, found: &str) -> EvalError {
+    fn refuse(&self, field: &'static str, expected: &str, found: &str) -> ArenaError {
         let found = format!("{} in {}", excerpt(found), self.identity.name);
-        EvalError::Setting { field, found, expected: expected.to_owned() }
+        ArenaError::Setting { field, found, expected: expected.to_owned() }
     }
 
     /// The simulator's settings that the policy was trained with. A map is found from the policy's file.
@@ -92,8 +92,8 @@ impl LoadedPolicy {
     /// # Errors
     ///
     /// If the file's metadata holds none, or what it holds is not valid.
-    pub fn sim_config(&self) -> Result<SimConfig, EvalError> {
-        let refuse = |found: String| EvalError::Setting {
+    pub fn sim_config(&self) -> Result<SimConfig, ArenaError> {
+        let refuse = |found: String| ArenaError::Setting {
             field: "metadata sim",
             found: format!("{} in {}", excerpt(&found), self.identity.name),
             expected: "JSON of the simulator's settings".to_owned(),
@@ -117,7 +117,7 @@ mod tests {
     use super::*;
 
     /// The identity of a policy file with this metadata.
-    fn identity(metadata: &[(&str, &str)]) -> Result<PolicyIdentity, EvalError> {
+    fn identity(metadata: &[(&str, &str)]) -> Result<PolicyIdentity, ArenaError> {
         let network =
             NetworkConfig { beams: 8, laser_feature: 4, hidden: 4, embedding: 1, ..Default::default() };
         let actor = Parameters::actor(&network, &mut jostle_sim::Streams::new(1).stream("init.actor", &[]));
