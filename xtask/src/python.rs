@@ -8,9 +8,9 @@ use std::process::Command;
 
 use anyhow::{Context as _, Result, bail};
 
-use crate::output;
-use crate::provenance::workspace;
-use crate::tools::target_folder;
+use jostle_runs::output;
+use jostle_runs::provenance::workspace;
+use jostle_runs::tools::target_folder;
 
 /// Least version of Python, as in `pyproject.toml`.
 const LEAST: (u32, u32) = (3, 11);

@@ -9,10 +9,10 @@ use std::process::Command;
 
 use anyhow::{Context as _, Result};
 
-use crate::output;
-use crate::provenance::workspace;
+use jostle_runs::output;
+use jostle_runs::provenance::workspace;
 use crate::python::{Work, run_in, system_python};
-use crate::tools::target_folder;
+use jostle_runs::tools::target_folder;
 
 /// What pip installs. The first four are unofficial builds of ROS 2 Kilted, good for tests.
 const PEERS: [&str; 6] = [

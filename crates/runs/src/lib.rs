@@ -1,14 +1,29 @@
-//! Run folders, and the policies that a path means.
+//! Training runs on disk, and what every command tells its user.
 //!
-//! Reading order: [`folder`] (what `train` makes), [`policies`] (a file, a run folder, or a folder of either).
+//! Reading order: [`folder`] (what `train` makes), [`run_folder`] (a folder that one process works in), [`ndjson`] (its log),
+//! [`log`] and [`pace`] (a run as its readers see it), [`policies`] (the policies that a path means), [`keys`] (a configuration's keys);
+//! [`provenance`] (which source made a result), [`stop`] (signals), [`output`] and [`progress`] (what is printed), [`maps`], [`threads`],
+//! [`tools`].
 //!
-//! Architecture invariants: the commands and the Python package find policies by this code only; nothing here trains, locks or
-//! writes.
+//! Architecture invariants: nothing here trains. [`folder`] and [`policies`], which the Python package uses, neither lock nor write, and
+//! their errors are [`RunsError`]s.
 
 #![forbid(unsafe_code)]
 
 pub mod error;
 pub mod folder;
+pub mod keys;
+pub mod log;
+pub mod maps;
+pub mod ndjson;
+pub mod output;
+pub mod pace;
 pub mod policies;
+pub mod progress;
+pub mod provenance;
+pub mod run_folder;
+pub mod stop;
+pub mod threads;
+pub mod tools;
 
 pub use error::RunsError;

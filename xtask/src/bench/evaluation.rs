@@ -11,7 +11,7 @@ use jostle_peds::CrowdKind;
 
 use super::machine::Conditions;
 use super::table::{count, duration};
-use crate::output;
+use jostle_runs::output;
 
 /// Arguments of `bench evaluation`.
 #[derive(Args)]

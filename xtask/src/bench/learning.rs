@@ -13,7 +13,7 @@ use jostle_ppo::{Config, Trainer, UpdateReport};
 
 use super::machine::Conditions;
 use super::table::{count, duration, percent};
-use crate::output;
+use jostle_runs::output;
 
 /// A setting that is timed.
 struct Setting {

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use crate::provenance;
+use jostle_runs::provenance;
 
 /// One Markdown line: command, commit, processor, threads, and how busy the machine was when the command began.
 pub(super) struct Conditions {

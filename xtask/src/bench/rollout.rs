@@ -10,7 +10,7 @@ use jostle_eval::report::grid::Grid;
 
 use super::machine::Conditions;
 use super::table::count;
-use crate::output;
+use jostle_runs::output;
 
 /// Arguments of `bench rollout`.
 #[derive(Args)]

@@ -10,7 +10,7 @@ use jostle_eval::report::grid::Grid;
 
 use super::machine::Conditions;
 use super::table::count;
-use crate::output;
+use jostle_runs::output;
 
 /// Agent-steps per second and core that are asked for, scene by scene.
 const ASKED: [f64; SCENES.len()] = [150_000.0, 100_000.0, 60_000.0];

@@ -12,7 +12,7 @@ use jostle_ppo::{Clock, Config, Trainer};
 
 use super::machine::Conditions;
 use super::table::{duration, percent, significant};
-use crate::output;
+use jostle_runs::output;
 
 /// Arguments of `bench update`.
 #[derive(Args)]

@@ -7,7 +7,8 @@ use clap::Args;
 use jostle_bench::PeerWork;
 use serde_json::json;
 
-use crate::{output, provenance};
+use jostle_runs::output;
+use jostle_runs::provenance;
 
 /// Arguments of `bench worker`.
 #[derive(Args)]

@@ -24,8 +24,8 @@ use clap::Args;
 use jostle_sim::{StreamRng, Streams};
 use rand::RngExt as _;
 
-use crate::output;
 use compare::differences;
+use jostle_runs::output;
 use trigger::{Moment, Trigger};
 use victim::{Ending, Victim};
 

@@ -9,8 +9,9 @@ use anyhow::{Context as _, Result, bail};
 use jostle_policy::TensorFile;
 
 use super::trigger::{Moment, Trigger};
-use crate::run_folder::{latest_checkpoint, latest_update};
-use crate::stop;
+use jostle_runs::folder::latest_checkpoint;
+use jostle_runs::run_folder::latest_update;
+use jostle_runs::stop;
 
 /// Two agents with 16 beams and networks of 32 units: an update takes milliseconds, a checkpoint as long.
 const CONFIG: &str = "\
@@ -178,7 +179,9 @@ impl Victim {
         if !out.join("latest").exists() {
             return None;
         }
-        let whole = latest_checkpoint(out).and_then(|path| Ok(TensorFile::read(&path)?.verify_checksum()?));
+        let whole = latest_checkpoint(out)
+            .map_err(anyhow::Error::from)
+            .and_then(|path| Ok(TensorFile::read(&path)?.verify_checksum()?));
         whole.err().map(|error| format!("{}: the newest checkpoint was lost: {error:#}", out.display()))
     }
 

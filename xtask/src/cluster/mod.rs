@@ -15,11 +15,11 @@ use anyhow::{Context as _, Result, bail, ensure};
 
 use self::slurm::{Cluster, NODES};
 use crate::chaos::compare::differences;
-use crate::output::note;
-use crate::progress::clock;
-use crate::provenance::COMMIT;
-use crate::run_folder::{last_holder, latest_update};
-use crate::tools::target_folder;
+use jostle_runs::output::note;
+use jostle_runs::progress::clock;
+use jostle_runs::provenance::COMMIT;
+use jostle_runs::run_folder::{last_holder, latest_update};
+use jostle_runs::tools::target_folder;
 
 /// Two agents with 16 beams and small networks: an update takes milliseconds.
 const BASE: &str = "\

@@ -11,8 +11,8 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, bail, ensure};
 
-use crate::output::note;
-use crate::tools::on_path;
+use jostle_runs::output::note;
+use jostle_runs::tools::on_path;
 
 /// Programs that are needed, and the Debian packages that have them.
 const PROGRAMS: [&str; 6] = ["slurmctld", "slurmd", "sbatch", "munged", "mungekey", "unshare"];

@@ -20,7 +20,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context as _, Result, bail};
 use clap::Args;
 
-use crate::output;
+use jostle_runs::output;
 use targets::TARGETS;
 
 /// Address space of a worker, KiB: what a valid file needs many times over.

@@ -13,7 +13,7 @@ use anyhow::{Context as _, Result};
 use jostle_sim::Streams;
 
 use super::targets::{TARGETS, Verdict};
-use crate::output;
+use jostle_runs::output;
 
 /// An input that takes longer hangs.
 const PATIENCE: Duration = Duration::from_secs(20);

@@ -2,31 +2,12 @@
 
 #![allow(dead_code, reason = "each test binary uses a part of it")]
 
-pub(crate) mod tiny;
-
 use std::path::Path;
 use std::process::{Command, Output};
 
 /// Runs `xtask` with the arguments.
 pub(crate) fn xtask(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_xtask")).args(arguments).output().unwrap()
-}
-
-/// Runs `xtask`, which must fail with exactly one line on standard error that holds all of `parts`, and print nothing else.
-#[track_caller]
-pub(crate) fn refused(arguments: &[&str], parts: &[&str]) {
-    let output = xtask(arguments);
-    let message = String::from_utf8(output.stderr).unwrap();
-    assert!(!output.status.success(), "{arguments:?} succeeded");
-    assert!(output.stdout.is_empty(), "{arguments:?} printed {}", String::from_utf8_lossy(&output.stdout));
-    assert_eq!(message.lines().count(), 1, "{arguments:?}: {message}");
-    for part in parts {
-        assert!(message.contains(part), "{arguments:?}: no {part:?} in {message}");
-    }
-    let clauses: Vec<&str> = message.trim().split(": ").collect();
-    for (i, clause) in clauses.iter().enumerate() {
-        assert!(!clauses[..i].contains(clause), "{arguments:?}: {clause:?} is told twice in {message}");
-    }
 }
 
 /// Standard output of a run that must succeed.

@@ -8,8 +8,8 @@ use anyhow::{Context as _, Result, anyhow, bail};
 use super::contest::{Contest, Peer};
 use super::side::Side;
 use super::{PeersArgs, packages};
-use crate::output::note;
-use crate::provenance;
+use jostle_runs::output::note;
+use jostle_runs::provenance;
 
 /// What is asked of the package index: name and version. PyTorch's is the one whose figures the project quotes.
 const PINNED: [(&str, &str); 3] = [("torch", "2.8.0"), ("ir-sim", "2.12.0"), ("vmas", "1.5.2")];

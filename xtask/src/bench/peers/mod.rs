@@ -16,9 +16,10 @@ use anyhow::{Context as _, Result, bail};
 use clap::Args;
 
 use super::machine::Conditions;
-use crate::{output, provenance};
 use contest::{Contest, Peer};
 use install::Installed;
+use jostle_runs::output;
+use jostle_runs::provenance;
 use report::Measured;
 use side::Side;
 

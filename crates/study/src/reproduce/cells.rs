@@ -1,0 +1,117 @@
+//! Cells of the tables, each run once and kept in `results/cells` in the small form, by the hash of all it depends on.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, Result, bail};
+use jostle_arena::Driver;
+use jostle_arena::identity::short;
+use jostle_arena::room::{RoomPlan, metric_scale};
+use jostle_eval::compact::CompactCell;
+use jostle_eval::protocol::{Protocol, Subject};
+use jostle_peds::CrowdKind;
+
+use jostle_runs::output::note;
+use jostle_runs::progress::Progress;
+use jostle_runs::run_folder::write_atomically;
+
+/// The store of cells.
+pub(crate) struct Cells {
+    folder: PathBuf,
+    /// Run also what is stored, and compare.
+    fresh: bool,
+    /// Cells that were run and were not stored before.
+    pub(crate) new: u64,
+    /// Cells that were run again and came out the same.
+    pub(crate) same: u64,
+    /// Cells that were read.
+    pub(crate) read: u64,
+}
+
+/// What is to be run.
+pub(crate) struct Wanted<'a> {
+    pub(crate) protocol: &'a Protocol,
+    pub(crate) driver: &'a Driver,
+    pub(crate) token: u32,
+    pub(crate) crowd: CrowdKind,
+    pub(crate) episodes: u64,
+}
+
+impl Cells {
+    /// A store in a folder, which is made.
+    pub(crate) fn open(folder: PathBuf, fresh: bool) -> Result<Self> {
+        std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
+        Ok(Self { folder, fresh, new: 0, same: 0, read: 0 })
+    }
+
+    /// A cell with at least the episodes asked for.
+    ///
+    /// # Errors
+    /// What the protocol refuses; with `fresh`, a stored cell that differs from what comes out now.
+    pub(crate) fn get(&mut self, wanted: &Wanted<'_>) -> Result<CompactCell> {
+        let Wanted { protocol, driver, token, crowd, episodes } = *wanted;
+        let identity = driver.identity();
+        let subject = Subject { identity: &identity, token };
+        let key = protocol.key(subject, crowd);
+        let path = self.folder.join(format!("{crowd}-z{token}-{}.txt", short(&key.hash())));
+        let stored = path.exists().then(|| CompactCell::read(&path)).transpose()?;
+        if let Some(stored) = &stored {
+            if stored.head.key != key {
+                bail!("{}: holds another cell ({})", path.display(), short(&stored.head.key.hash()));
+            }
+            if stored.head.episodes >= episodes && !self.fresh {
+                self.read += 1;
+                return Ok(stored.clone());
+            }
+        }
+        let mut robot = driver.robot(token, &RoomPlan::new(protocol.config(), crowd)?)?;
+        let label = format!("{}, z = {token}, {crowd}", identity.name);
+        let mut progress = Progress::new(&label, episodes, 0);
+        let run = protocol
+            .evaluate(&mut *robot, subject, crowd, episodes, None, |done| progress.set(done, ""))
+            .with_context(|| label.clone())?;
+        progress.finish(&format!("success {:.2}", run.result.summary.success_rate.unwrap_or(0.0)));
+        let cell = CompactCell::new(key, identity.clone(), metric_scale(protocol.config()), &run.records);
+        if let Some(stored) = stored {
+            self.compare(&path, &stored, &cell)?;
+        } else {
+            self.new += 1;
+            write_atomically(&path, &cell.text())?;
+        }
+        Ok(cell)
+    }
+
+    /// A stored cell must be the beginning of the new one, or the other way round; the longer one stays.
+    fn compare(&mut self, path: &Path, stored: &CompactCell, cell: &CompactCell) -> Result<()> {
+        let shared = stored.head.episodes.min(cell.head.episodes) as usize;
+        let (old, new) = (stored.episodes(shared), cell.episodes(shared));
+        let moved = |k: &usize| {
+            let (old, new) = (&old[*k], &new[*k]);
+            (old.outcome, &old.metrics) != (new.outcome, &new.metrics)
+                || old.driving.is_some_and(|driving| new.driving != Some(driving))
+        };
+        if let Some(episode) = (0..shared).find(moved) {
+            bail!(
+                "{}: episode {episode} now comes out otherwise: stored {:?}, now {:?}",
+                path.display(),
+                old[episode],
+                new[episode]
+            );
+        }
+        self.same += 1;
+        // What was stored before there were values of driving gets them.
+        let gains = old.iter().any(|episode| episode.driving.is_none());
+        if cell.head.episodes > stored.head.episodes || (gains && shared as u64 == stored.head.episodes) {
+            write_atomically(path, &cell.text())?;
+        }
+        Ok(())
+    }
+
+    /// Says what was done, on standard error.
+    pub(crate) fn describe(&self) {
+        let Self { new, same, read, .. } = self;
+        note(&format!(
+            "{}: {read} cells read, {new} run, {same} run again with the same result",
+            self.folder.display()
+        ));
+    }
+}

@@ -1,0 +1,94 @@
+//! Table 5: two realistic maps, a Jackal's body and limits, 3 to 8 social-force pedestrians.
+
+use anyhow::Result;
+use jostle_arena::Driver;
+use jostle_arena::config::ArenaConfig;
+use jostle_arena::crowds::Pools;
+use jostle_eval::compact::CompactEpisode;
+use jostle_eval::protocol::Protocol;
+use jostle_peds::CrowdKind;
+use jostle_sim::{AccelerationLimits, SimConfig};
+
+use super::bench::TOKEN;
+use super::cells::{Cells, Wanted};
+use super::policies::Found;
+use jostle_runs::provenance::workspace;
+
+/// The maps, files of these names in `maps/`.
+pub(super) const MAPS: [&str; 2] = ["warehouse", "hospital"];
+/// Episodes on each map (paper, V-G).
+const EPISODES: u64 = 100;
+/// Pedestrians (paper, V-G).
+const PEDESTRIANS: std::ops::RangeInclusive<usize> = 3..=8;
+
+/// What has to be said of the table.
+pub(super) const NOTE: &str = "100 episodes a map and seed, as evenly as possible over 3 to 8 social-force pedestrians; our own \
+    maps (maps/warehouse.toml, maps/hospital.toml) and simulator stand for the paper's Gazebo worlds. The robot has a Jackal's \
+    body and acceleration limits, which do not bind at 1 m/s; goals are at least 5 m away. The interval of one seed is Wilson's.";
+
+/// The episodes of a policy on each map.
+pub(super) fn run(cells: &mut Cells, found: &Found) -> Result<Vec<(String, Vec<CompactEpisode>)>> {
+    let driver = Driver::Trained(Box::new(found.policy.clone()));
+    on_maps(cells, &driver, &found.policy.sim_config()?)
+}
+
+/// The episodes of a driver on each map, in its own world but for map and robot.
+pub(super) fn on_maps(
+    cells: &mut Cells,
+    driver: &Driver,
+    sim: &SimConfig,
+) -> Result<Vec<(String, Vec<CompactEpisode>)>> {
+    MAPS.iter().map(|map| Ok(((*map).to_owned(), on_map(cells, driver, sim, map)?))).collect()
+}
+
+fn on_map(cells: &mut Cells, driver: &Driver, sim: &SimConfig, map: &str) -> Result<Vec<CompactEpisode>> {
+    let mut all = Vec::new();
+    let counts = PEDESTRIANS.count() as u64;
+    for (i, n_pedestrians) in PEDESTRIANS.enumerate() {
+        let config = ArenaConfig {
+            sim: world(sim.clone(), map),
+            n_agents: 1 + n_pedestrians,
+            // In so small a place 3 m around every body would leave none.
+            respawn_clearance: 1.5,
+            ..ArenaConfig::default()
+        };
+        let protocol = Protocol::new(config, Pools::default())?;
+        let episodes = EPISODES / counts + u64::from((i as u64) < EPISODES % counts);
+        let wanted = Wanted { protocol: &protocol, driver, token: TOKEN, crowd: CrowdKind::Sf, episodes };
+        all.extend(cells.get(&wanted)?.episodes(episodes as usize));
+    }
+    Ok(all)
+}
+
+/// The policy's own world but for map and robot.
+fn world(mut sim: SimConfig, map: &str) -> SimConfig {
+    sim.room.map = Some(workspace().join("maps").join(format!("{map}.toml")));
+    // Clearpath Robotics, Jackal data sheet: 508 mm long, 430 mm wide, at most 2 m/s. The policy asks for at most 1 m/s, so
+    // `v_max` stays the policy's.
+    (sim.robot.length, sim.robot.width) = (0.508, 0.430);
+    // Repository jackal/jackal, jackal_control/config/control.yaml: max_acceleration of linear.x and angular.z.
+    sim.robot.acceleration = Some(AccelerationLimits { v: 20.0, w: 25.0 });
+    // Half of the open area's side: the training room's 10 m do not fit.
+    sim.spawn.goal_distance = 5.0;
+    sim
+}
+
+#[cfg(test)]
+mod tests {
+    use jostle_arena::room::RoomPlan;
+
+    use super::*;
+
+    #[test]
+    fn the_maps_hold_a_robot_and_eight_pedestrians() {
+        for map in MAPS {
+            let config = ArenaConfig {
+                sim: world(SimConfig::default(), map),
+                n_agents: 9,
+                respawn_clearance: 1.5,
+                ..ArenaConfig::default()
+            };
+            RoomPlan::new(&config, CrowdKind::Sf).unwrap();
+        }
+    }
+}

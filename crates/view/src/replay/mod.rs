@@ -1,0 +1,230 @@
+//! `cargo xtask replay`: episodes of a policy as one page that a browser plays, alone or beside another policy.
+//!
+//! Reading order: this file (which episodes), [`driver`] (who drives the robot), [`page`] (the file that is written);
+//! `scene.js` draws a moment, `player.js` is the page around it, `parts.js` what it shares with the live page.
+
+pub mod driver;
+pub mod page;
+
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use anyhow::{Context as _, Result, bail, ensure};
+use clap::{Args, ValueEnum};
+use jostle_arena::EpisodeOutcome;
+use jostle_arena::config::ArenaConfig;
+use jostle_arena::crowds::{Pools, check_observation};
+use jostle_arena::replay::{EpisodeTrace, trace_episodes};
+use jostle_arena::room::RoomPlan;
+use jostle_arena::site::polygons;
+use jostle_eval::protocol::Protocol;
+use jostle_peds::CrowdKind;
+
+use self::driver::Driver;
+use self::page::{Page, Scene};
+use jostle_runs::output;
+use jostle_runs::policies;
+use jostle_runs::run_folder::write_atomically;
+use jostle_runs::threads;
+
+/// Beams of the laser that a page keeps at most.
+pub const BEAMS: usize = 128;
+/// Episodes that are traced side by side.
+const CHUNK: u64 = 32;
+
+/// Arguments of `replay`.
+#[derive(Args)]
+#[command(after_help = "Examples:\n  cargo xtask replay runs/ours --crowd SF --episodes 20\n  \
+    cargo xtask replay runs/ours --against runs/baseline --crowd SF,VO --out runs/replay\n  \
+    cargo xtask replay runs/ours --crowd IN --pool runs/pool --outcome collision --episodes 20\n  \
+    cargo xtask replay dwa --crowd VO --agents 10")]
+pub struct ReplayArgs {
+    /// Checkpoint file, run folder, or a planner: straight, brake, goal-seeker, dwa.
+    policy: PathBuf,
+    /// Another policy on the same episodes, side by side.
+    #[arg(long, value_name = "POLICY")]
+    against: Option<PathBuf>,
+    /// Crowds, separated by commas: SF, VO, straight, stop-and-go; with --pool also NH, IN, VA, SO, cross-play.
+    #[arg(long, value_delimiter = ',', value_name = "CROWDS", default_value = "SF")]
+    crowd: Vec<String>,
+    /// Episodes per crowd.
+    #[arg(long, value_name = "N", default_value_t = 20)]
+    episodes: usize,
+    /// Only episodes that end so for the (first) policy.
+    #[arg(long, value_enum, default_value_t = Wanted::Any)]
+    outcome: Wanted,
+    /// How many episodes to search for them.
+    #[arg(long, value_name = "N", default_value_t = 1000)]
+    search: u64,
+    /// Policies that drive learned pedestrians: files, run folders, or a folder of either; may be repeated.
+    #[arg(long, value_name = "PATH", num_args = 1..)]
+    pool: Vec<PathBuf>,
+    /// The same at half their training, for crowd SO (default: from the runs of --pool).
+    #[arg(long, value_name = "PATH", num_args = 1..)]
+    pool_half: Vec<PathBuf>,
+    /// Behaviour token of the robot.
+    #[arg(long, value_name = "Z", default_value_t = 0)]
+    token: u32,
+    /// Behaviour token of the robot of --against.
+    #[arg(long, value_name = "Z", default_value_t = 0)]
+    against_token: u32,
+    /// Agents in a room, the robot among them (default: as in training, else 5).
+    #[arg(long, value_name = "N")]
+    agents: Option<usize>,
+    /// Seed of starts, goals and noise.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Folder for the page.
+    #[arg(long, value_name = "DIR", default_value = "runs/replay")]
+    out: PathBuf,
+    /// Worker threads (default: all cores). The result does not depend on it.
+    #[arg(long, value_name = "N")]
+    threads: Option<NonZeroUsize>,
+}
+
+/// Which episodes are wanted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Wanted {
+    /// All of them.
+    Any,
+    /// Those that reach the goal.
+    Success,
+    /// Those that hit a wall or a pedestrian.
+    Collision,
+    /// Those that hit a pedestrian.
+    Pedestrian,
+    /// Those that hit a wall.
+    Wall,
+    /// Those that run out of time.
+    Timeout,
+}
+
+impl Wanted {
+    fn fits(self, outcome: EpisodeOutcome) -> bool {
+        let pedestrian = outcome == EpisodeOutcome::CollisionPedestrian;
+        let wall = outcome == EpisodeOutcome::CollisionWall;
+        match self {
+            Self::Any => true,
+            Self::Success => outcome == EpisodeOutcome::Success,
+            Self::Collision => pedestrian || wall,
+            Self::Pedestrian => pedestrian,
+            Self::Wall => wall,
+            Self::Timeout => outcome == EpisodeOutcome::Timeout,
+        }
+    }
+}
+
+/// Writes the page that the arguments ask for.
+pub fn run(args: &ReplayArgs) -> Result<ExitCode> {
+    ensure!(args.episodes > 0, "--episodes: found 0, expected at least 1");
+    let crowds = args.crowd.iter().map(|name| name.parse()).collect::<Result<Vec<CrowdKind>, _>>()?;
+    threads::set(args.threads)?;
+    let mut drivers = vec![Driver::open(&args.policy, args.token)?];
+    if let Some(path) = &args.against {
+        drivers.push(Driver::open(path, args.against_token)?);
+    }
+    let config = ArenaConfig { seed: args.seed, ..config_of(&drivers, args.agents)? };
+    jostle_runs::maps::tell(&config.sim.room)?;
+    let protocol = Protocol::new(config, pools(args, &crowds)?)?;
+    let wish = Wish { wanted: args.outcome, episodes: args.episodes, search: args.search };
+    let page = record(&protocol, &drivers, &crowds, wish)?;
+    let path = write(&page, &args.out)?;
+    output::result(&format!("{}\n{}\n", page.summary(), path.display()))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The room of the first driver that was trained in one, with as many agents as asked for or as it was trained with.
+///
+/// # Errors
+/// Two policies that read different observations.
+pub fn config_of(drivers: &[Driver], agents: Option<usize>) -> Result<ArenaConfig> {
+    let mut config = ArenaConfig::default();
+    if let Some(policy) = drivers.iter().find_map(|driver| driver.policy()) {
+        config.sim = policy.sim_config()?;
+        config.n_agents = policy.file.provenance.n_agents as usize;
+    }
+    for policy in drivers.iter().filter_map(|driver| driver.policy()) {
+        check_observation(&config, policy)?;
+    }
+    config.n_agents = agents.unwrap_or(config.n_agents);
+    Ok(config)
+}
+
+/// Which episodes a page shows.
+#[derive(Clone, Copy)]
+pub struct Wish {
+    /// How the episodes must end.
+    pub wanted: Wanted,
+    /// For each crowd.
+    pub episodes: usize,
+    /// Episodes to look through.
+    pub search: u64,
+}
+
+/// Runs the drivers through the wanted episodes of each crowd.
+pub fn record(protocol: &Protocol, drivers: &[Driver], crowds: &[CrowdKind], wish: Wish) -> Result<Page> {
+    let plan = RoomPlan::new(protocol.config(), CrowdKind::Sf)?;
+    let mut page = Page::new(Scene::new(protocol.config(), &polygons(&plan.scenario))?, drivers, protocol);
+    for &crowd in crowds {
+        let plan = RoomPlan::new(protocol.config(), crowd)?;
+        let first = search(protocol, &plan, &drivers[0], wish)?;
+        if first.len() < wish.episodes && wish.wanted != Wanted::Any {
+            output::note(&format!("{crowd}: {} such episodes among the first {}", first.len(), wish.search));
+        }
+        let episodes: Vec<u64> = first.iter().map(|trace| trace.finished.episode).collect();
+        let mut columns = vec![first];
+        for driver in &drivers[1..] {
+            columns.push(trace(protocol, &plan, driver, &episodes)?);
+        }
+        page.add(&columns);
+    }
+    Ok(page)
+}
+
+/// The first episodes that end as wished.
+fn search(protocol: &Protocol, plan: &RoomPlan, driver: &Driver, wish: Wish) -> Result<Vec<EpisodeTrace>> {
+    let limit = if wish.wanted == Wanted::Any { wish.episodes as u64 } else { wish.search };
+    let mut found = Vec::new();
+    for start in (0..limit).step_by(CHUNK as usize) {
+        let episodes: Vec<u64> = (start..limit.min(start + CHUNK)).collect();
+        let traces = trace(protocol, plan, driver, &episodes)?;
+        found.extend(traces.into_iter().filter(|trace| wish.wanted.fits(trace.finished.outcome)));
+        if found.len() >= wish.episodes {
+            found.truncate(wish.episodes);
+            break;
+        }
+    }
+    Ok(found)
+}
+
+fn trace(
+    protocol: &Protocol,
+    plan: &RoomPlan,
+    driver: &Driver,
+    episodes: &[u64],
+) -> Result<Vec<EpisodeTrace>> {
+    let mut robot = driver.robot(plan)?;
+    let mut crowd = protocol.crowd(plan)?;
+    Ok(trace_episodes(plan, &mut *robot, &mut *crowd, episodes, BEAMS)?)
+}
+
+/// Writes the page as `index.html` and gives its path.
+pub fn write(page: &Page, folder: &Path) -> Result<PathBuf> {
+    std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
+    let path = folder.join("index.html");
+    write_atomically(&path, &page.html()?)?;
+    Ok(path)
+}
+
+/// The pedestrians' policies, as far as the crowds ask for them.
+fn pools(args: &ReplayArgs, crowds: &[CrowdKind]) -> Result<Pools> {
+    if args.pool.is_empty()
+        && let Some(crowd) = crowds.iter().find(|crowd| crowd.is_learned())
+    {
+        bail!(
+            "crowd {crowd} needs --pool: policies that drive its pedestrians; SF, VO, straight and stop-and-go need none"
+        );
+    }
+    Ok(policies::pools(&args.pool, &args.pool_half, crowds, "--pool-half")?)
+}

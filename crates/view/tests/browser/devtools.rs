@@ -1,0 +1,90 @@
+//! The DevTools protocol: numbered calls and what happens in between (<https://chromedevtools.github.io/devtools-protocol/>).
+
+use std::net::TcpStream;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context as _, Result, anyhow, bail, ensure};
+use serde_json::{Value, json};
+use tungstenite::protocol::{Role, WebSocketConfig};
+use tungstenite::{Message, WebSocket};
+
+use jostle_view::play::http::{Head, accept_key};
+
+/// How long an answer may take.
+const PATIENCE: Duration = Duration::from_mins(1);
+/// A client's key; the server only proves that it read it.
+const KEY: &str = "am9zdGxlIGJyb3dzZXIgdA==";
+
+/// A connection to a browser.
+pub(super) struct DevTools {
+    socket: WebSocket<TcpStream>,
+    last: u64,
+    /// Events since they were last taken.
+    events: Vec<Value>,
+}
+
+impl DevTools {
+    /// Connects to `ws://HOST:PORT/PATH`.
+    ///
+    /// # Errors
+    /// An address that is none, a server that speaks no WebSocket.
+    pub(super) fn connect(address: &str) -> Result<Self> {
+        Ok(Self { socket: websocket(address, None)?, last: 0, events: Vec::new() })
+    }
+
+    /// Calls a method and waits for its answer; `session` is the page that is meant.
+    ///
+    /// # Errors
+    /// What the browser refuses; no answer in time.
+    pub(super) fn call(&mut self, session: Option<&str>, method: &str, parameters: &Value) -> Result<Value> {
+        self.last += 1;
+        let id = self.last;
+        let mut call = json!({ "id": id, "method": method, "params": parameters });
+        if let Some(session) = session {
+            call["sessionId"] = session.into();
+        }
+        self.socket.send(Message::text(call.to_string())).context("the browser has left")?;
+        let started = Instant::now();
+        while started.elapsed() < PATIENCE {
+            let Message::Text(text) = self.socket.read().context("the browser has left")? else { continue };
+            let told: Value = serde_json::from_str(&text).context("the browser sent no JSON")?;
+            if told["id"] != id {
+                self.events.push(told);
+                continue;
+            }
+            if let Some(error) = told.get("error") {
+                bail!("{method}: {}", error["message"].as_str().unwrap_or("refused"));
+            }
+            return Ok(told["result"].clone());
+        }
+        Err(anyhow!("{method}: no answer within {PATIENCE:?}"))
+    }
+
+    /// What happened since the last call of this.
+    pub(super) fn take_events(&mut self) -> Vec<Value> {
+        std::mem::take(&mut self.events)
+    }
+}
+
+/// Opens a WebSocket as a client.
+pub(super) fn websocket(address: &str, origin: Option<&str>) -> Result<WebSocket<TcpStream>> {
+    let rest = address.strip_prefix("ws://").with_context(|| format!("{address} is no ws:// address"))?;
+    let (host, path) = rest.split_once('/').with_context(|| format!("{address} has no path"))?;
+    let mut stream = TcpStream::connect(host).with_context(|| format!("cannot connect to {host}"))?;
+    stream.set_read_timeout(Some(PATIENCE)).context("a socket without a clock")?;
+    stream.set_nodelay(true).context("a socket that waits")?;
+    let origin = origin.map_or_else(String::new, |origin| format!("Origin: {origin}\r\n"));
+    let request = format!(
+        "GET /{path} HTTP/1.1\r\nHost: {host}\r\n{origin}Connection: Upgrade\r\nUpgrade: websocket\r\n\
+         Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: {KEY}\r\n\r\n"
+    );
+    std::io::Write::write_all(&mut stream, request.as_bytes()).context("the connection failed")?;
+    let head = Head::read(&mut stream)?;
+    ensure!(head.line.starts_with("HTTP/1.1 101"), "{address}: {}", head.line);
+    ensure!(
+        head.field("sec-websocket-accept") == Some(&accept_key(KEY)),
+        "{address}: a wrong answer to the key"
+    );
+    let limits = WebSocketConfig::default().max_message_size(Some(64 << 20)).max_frame_size(Some(64 << 20));
+    Ok(WebSocket::from_raw_socket(stream, Role::Client, Some(limits)))
+}
