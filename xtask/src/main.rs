@@ -17,6 +17,7 @@ mod ros;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
+    jostle_cli::introduce(jostle_runs::output::PROGRAM_OF_CHECKOUT, env!("JOSTLE_STAMP"));
     match jostle_cli::parse::<cli::Cli>() {
         Ok(cli) => jostle_cli::conclude(cli.run()),
         Err(status) => status,

@@ -25,3 +25,11 @@ fn a_target_that_is_not_there_is_refused() {
     let output = xtask(&["fuzz", "--target", "sonnets"]);
     assert!(!output.status.success() && String::from_utf8_lossy(&output.stderr).contains("polygons"));
 }
+
+#[test]
+fn every_help_has_an_example_that_calls_this_program() {
+    for command in ["train", "reproduce", "conformance", "ci"] {
+        let help = accepted(&[command, "--help"]);
+        assert!(help.contains("Example") && help.contains(&format!("cargo xtask {command}")), "{help}");
+    }
+}

@@ -14,6 +14,7 @@ mod command;
 mod compare;
 mod config;
 mod doctor;
+mod embedded;
 mod evaluate;
 mod export;
 mod list;
@@ -26,3 +27,10 @@ mod train;
 mod trainings;
 
 pub use command::{Command, command, conclude, parse};
+
+/// Tells the program who it is: how the user calls it, and the commit that it is built from (`JOSTLE_STAMP` of its build script).
+pub fn introduce(program: &'static str, stamp: &'static str) {
+    jostle_runs::output::set_program(program);
+    jostle_runs::provenance::set_stamp(stamp);
+    jostle_runs::shipped::set_embedded(embedded::FILES);
+}

@@ -31,7 +31,7 @@ enum Program {
 }
 
 fn main() -> ExitCode {
-    jostle_runs::output::set_program("jostle");
+    jostle_cli::introduce("jostle", env!("JOSTLE_STAMP"));
     match jostle_cli::parse::<Jostle>() {
         Ok(Jostle { command: Program::Command(command) }) => jostle_cli::conclude(command.run()),
         Ok(Jostle { command: Program::Completions { shell } }) => {

@@ -39,7 +39,7 @@ const CHECKPOINT_MINUTES_MAX: f64 = 525_600.0;
     cargo xtask train --config configs/diversity_m5.toml --set seed=7 --set updates=1500 --out runs/ours-7 --resume"
 )]
 pub struct TrainArgs {
-    /// TOML file; keys that it leaves out have the paper's values.
+    /// TOML file, or the name of a shipped one, such as `strong`; keys that it leaves out have the paper's values.
     #[arg(long, value_name = "FILE")]
     config: PathBuf,
     /// Override one key, such as `alpha=0.03` or `sim.laser.noise_std=0`; may be repeated.
@@ -66,7 +66,7 @@ pub struct TrainArgs {
 
 /// Trains as the arguments say.
 pub(crate) fn run(args: &TrainArgs) -> Result<ExitCode> {
-    let mut config = Config::load(&args.config, &args.overrides)?;
+    let mut config = Config::load(&jostle_runs::shipped::config(&args.config)?, &args.overrides)?;
     maps::tell(&config.sim.room)?;
     if let Some(threads) = args.threads {
         config.threads = threads;

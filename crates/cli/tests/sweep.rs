@@ -293,7 +293,7 @@ fn who_works_in_a_run_folder_is_named() {
 #[test]
 fn every_shipped_plan_is_valid() {
     let folder = tempfile::tempdir().unwrap();
-    let workspace = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let workspace = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let mut plans = Vec::new();
     for to in ["configs", "configs/plans", "checkpoints"] {
         fs::create_dir_all(folder.path().join(to)).unwrap();

@@ -189,7 +189,7 @@ fn a_second_signal_ends_a_run_at_once() {
 
 #[test]
 fn every_help_has_an_example() {
-    for command in ["train", "evaluate", "reproduce", "conformance", "ci"] {
+    for command in ["train", "evaluate", "reproduce", "demo", "sweep"] {
         let help = accepted(&[command, "--help"]);
         assert!(help.contains("Example") && help.contains(&format!("jostle {command}")), "{help}");
     }

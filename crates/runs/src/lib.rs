@@ -1,7 +1,7 @@
 //! Training runs on disk, and what every command tells its user.
 //!
 //! Reading order: [`folder`] (what `train` makes), [`run_folder`] (a folder that one process works in), [`ndjson`] (its log),
-//! [`log`] and [`pace`] (a run as its readers see it), [`policies`] (the policies that a path means), [`keys`] (a configuration's keys);
+//! [`log`] and [`pace`] (a run as its readers see it), [`policies`] (the policies that a path means), [`shipped`] (files that come with the program), [`keys`] (a configuration's keys);
 //! [`provenance`] (which source made a result), [`stop`] (signals), [`output`] and [`progress`] (what is printed), [`maps`], [`threads`],
 //! [`tools`].
 //!
@@ -22,6 +22,7 @@ pub mod policies;
 pub mod progress;
 pub mod provenance;
 pub mod run_folder;
+pub mod shipped;
 pub mod stop;
 pub mod threads;
 pub mod tools;

@@ -83,9 +83,18 @@ mod tests {
 
     #[test]
     fn a_cause_is_told_once() {
-        #[derive(Debug, thiserror::Error)]
-        #[error("a.toml: cannot read: {0}")]
-        struct Twice(#[source] std::io::Error);
+        #[derive(Debug)]
+        struct Twice(std::io::Error);
+        impl std::fmt::Display for Twice {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                write!(f, "a.toml: cannot read: {}", self.0)
+            }
+        }
+        impl std::error::Error for Twice {
+            fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+                Some(&self.0)
+            }
+        }
 
         let cause = || std::io::Error::other("no such file");
         assert_eq!(one_line(&anyhow::Error::from(Twice(cause()))), "a.toml: cannot read: no such file");

@@ -1,31 +1,31 @@
 //! Which source a result was made by.
 
-use std::path::Path;
-use std::process::Command;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
-/// The variable that names the commit in the environment of runs that are started by something else: the sources may have
-/// changed since.
-pub const COMMIT: &str = "JOSTLE_COMMIT";
+static STAMP: OnceLock<&str> = OnceLock::new();
 
-/// The commit of the work tree, with `-dirty` when tracked files differ from it; `unknown` outside a checkout. What
-/// [`COMMIT`] says comes first.
-pub fn commit() -> String {
-    if let Ok(named) = std::env::var(COMMIT) {
-        return named;
-    }
-    let Some(hash) = git(&["rev-parse", "--short=10", "HEAD"]) else { return "unknown".to_owned() };
-    let clean =
-        git(&["status", "--porcelain", "--untracked-files=no"]).is_some_and(|changes| changes.is_empty());
-    if clean { hash } else { format!("{hash}-dirty") }
+/// Sets what [`commit`] answers: the stamp that the program's build script gave it. The first call counts.
+pub fn set_stamp(stamp: &'static str) {
+    STAMP.get_or_init(|| stamp);
 }
 
-/// The folder of the workspace's root manifest.
+/// The commit that the program was built from, with `-dirty` where the sources differed from it; `unknown` for a program that was built
+/// outside a checkout.
+pub fn commit() -> &'static str {
+    STAMP.get().copied().unwrap_or("unknown")
+}
+
+/// The root of the checkout: the nearest one at or above the working directory, else the one that the program was built in, whether or
+/// not it is still there.
 pub fn workspace() -> &'static Path {
-    let own = Path::new(env!("CARGO_MANIFEST_DIR"));
-    own.ancestors().nth(2).unwrap_or(own)
-}
-
-fn git(arguments: &[&str]) -> Option<String> {
-    let output = Command::new("git").arg("-C").arg(workspace()).args(arguments).output().ok()?;
-    output.status.success().then(|| String::from_utf8_lossy(&output.stdout).trim().to_owned())
+    static ROOT: OnceLock<PathBuf> = OnceLock::new();
+    ROOT.get_or_init(|| {
+        let is_checkout = |folder: &&Path| {
+            folder.join("crates/sim/Cargo.toml").is_file() && folder.join("configs").is_dir()
+        };
+        let here = std::env::current_dir().unwrap_or_default();
+        let built_in = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2).unwrap_or(Path::new(""));
+        here.ancestors().find(is_checkout).unwrap_or(built_in).to_owned()
+    })
 }

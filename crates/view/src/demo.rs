@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
 use std::time::Instant;
 
-use anyhow::Result;
+use anyhow::{Context as _, Result};
 use clap::Args;
 use jostle_arena::Planner;
 use jostle_arena::crowds::Pools;
@@ -15,12 +15,17 @@ use jostle_peds::CrowdKind;
 use crate::replay::driver::Driver;
 use crate::replay::{Wanted, Wish, config_of, record, write};
 use jostle_runs::output;
-use jostle_runs::provenance::workspace;
 
-/// Folders of shipped policies.
-const SHIPPED: [&str; 2] = ["checkpoints", "policies"];
+/// The folder of shipped policies.
+const POLICIES: &str = "checkpoints";
+/// How the names of the policies that drive best begin.
+const STRONG: &str = "strong-";
+/// The paper's own row that drives beside them: M = 5.
+const PAPERS_ROW: &str = "m5";
 /// The planner that drives beside a policy.
 const PLANNER: Planner = Planner::Dwa;
+/// The robot and so many pedestrians less one.
+const AGENTS: usize = 8;
 /// Episodes in each crowd.
 const EPISODES: usize = 10;
 
@@ -30,8 +35,8 @@ const EPISODES: usize = 10;
     after_help = "Examples:\n  cargo xtask demo\n  cargo xtask demo --policy runs/ours --out /tmp/demo --no-open"
 )]
 pub struct DemoArgs {
-    /// Checkpoint file, run folder or planner (default: the first of those shipped in `checkpoints/`); the planner dwa drives
-    /// beside it.
+    /// Checkpoint file, run folder or planner; the planner dwa drives beside it (default: the strong policy, dwa and the paper's
+    /// M = 5).
     #[arg(long, value_name = "POLICY")]
     policy: Option<PathBuf>,
     /// Folder for the page.
@@ -45,18 +50,24 @@ pub struct DemoArgs {
 /// Runs a policy among the two crowds that need no training, and names the page that shows it.
 pub fn run(args: &DemoArgs) -> Result<ExitCode> {
     let started = Instant::now();
-    let mut drivers = Vec::new();
-    match args.policy.clone().or_else(|| shipped().into_iter().next()) {
-        Some(path) => drivers.push(Driver::open(&path, 0)?),
-        None => output::note(&format!(
+    let shown: Vec<PathBuf> = match &args.policy {
+        Some(path) => vec![path.clone()],
+        None => {
+            let all = shipped()?;
+            all.first().cloned().into_iter().chain(first_of(&all, PAPERS_ROW)).collect()
+        }
+    };
+    let mut drivers = shown.iter().map(|path| Driver::open(path, 0)).collect::<Result<Vec<_>>>()?;
+    if drivers.is_empty() {
+        output::note(&format!(
             "no trained policy is shipped here: the robot is driven by a planner only; after `{} train`, show yours with --policy",
             output::program()
-        )),
+        ));
     }
     if drivers.iter().all(|driver| driver.name != PLANNER.name()) {
-        drivers.push(Driver::planner(PLANNER));
+        drivers.insert(drivers.len().min(1), Driver::planner(PLANNER));
     }
-    let protocol = Protocol::new(config_of(&drivers, None)?, Pools::default())?;
+    let protocol = Protocol::new(config_of(&drivers, Some(AGENTS))?, Pools::default())?;
     let wish = Wish { wanted: Wanted::Any, episodes: EPISODES, search: 0 };
     let page = record(&protocol, &drivers, &[CrowdKind::Sf, CrowdKind::Vo], wish)?;
     let path = write(&page, &args.out)?;
@@ -68,14 +79,34 @@ pub fn run(args: &DemoArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The policies that the checkout ships, by name.
-pub fn shipped() -> Vec<PathBuf> {
-    let folders = SHIPPED.iter().filter_map(|name| std::fs::read_dir(workspace().join(name)).ok());
-    let entries = folders.flatten().filter_map(|entry| Some(entry.ok()?.path()));
-    let mut paths: Vec<PathBuf> =
-        entries.filter(|path| path.extension().is_some_and(|extension| extension == "safetensors")).collect();
-    paths.sort();
-    paths
+/// The policies that are shipped: the strong ones first, then by name; none where neither a checkout nor the program has any.
+///
+/// # Errors
+/// A folder that cannot be listed or, without a checkout, not be made.
+pub fn shipped() -> Result<Vec<PathBuf>> {
+    if !jostle_runs::shipped::is_shipped(POLICIES) {
+        return Ok(Vec::new());
+    }
+    let folder = jostle_runs::shipped::shipped(POLICIES)?;
+    let cannot_list = || format!("cannot list {}", folder.display());
+    let entries = std::fs::read_dir(&folder).with_context(cannot_list)?;
+    let is_policy = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "safetensors");
+    let mut paths =
+        entries.map(|entry| Ok(entry?.path())).collect::<Result<Vec<_>>>().with_context(cannot_list)?;
+    paths.retain(is_policy);
+    let is_of = |path: &PathBuf, row: &str| {
+        path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(row))
+    };
+    paths.sort_by_key(|path| (!is_of(path, STRONG), path.clone()));
+    Ok(paths)
+}
+
+/// The first shipped policy of a row, such as `m5`.
+fn first_of(shipped: &[PathBuf], row: &str) -> Option<PathBuf> {
+    let is_of = |path: &PathBuf| {
+        path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(&format!("{row}-")))
+    };
+    shipped.iter().find(|path| is_of(path)).cloned()
 }
 
 /// Hands a page, a file or an address, to the desktop's browser; whether a program for that was found.

@@ -17,7 +17,6 @@ use self::slurm::{Cluster, NODES};
 use crate::chaos::compare::differences;
 use jostle_runs::output::note;
 use jostle_runs::progress::clock;
-use jostle_runs::provenance::COMMIT;
 use jostle_runs::run_folder::{last_holder, latest_update};
 use jostle_runs::tools::target_folder;
 
@@ -151,8 +150,7 @@ fn sweep_status(cluster: &Cluster, plan: &Path) -> Result<String> {
 }
 
 fn answer(mut command: Command, cluster: Option<&Cluster>) -> Result<String> {
-    // The sources may change while this runs; all runs name the same origin.
-    command.env(COMMIT, "check-of-slurm").stdin(Stdio::null());
+    command.stdin(Stdio::null());
     command.envs(cluster.map(Cluster::environment));
     let output = command.output().context("cannot start this program")?;
     if !output.status.success() {

@@ -16,7 +16,6 @@ use super::plan::{Plan, Task};
 use super::task::{Stage, last_line, log_path};
 use jostle_runs::output::{self, note};
 use jostle_runs::progress::clock;
-use jostle_runs::provenance::{self, COMMIT};
 use jostle_runs::stop::{self, Stopped};
 
 /// How often processes are looked after.
@@ -43,8 +42,6 @@ pub(super) fn run(plan: &Plan, jobs: usize) -> Result<ExitCode> {
         note(&format!("sweep: {name} is left to the process that works on it"));
     }
     let threads = plan.threads.unwrap_or_else(|| (cores() / jobs).max(1));
-    // One program makes all runs, and they name one origin, whatever happens to the sources meanwhile.
-    let commit = provenance::commit();
     let mut board = Board::new();
     let mut running: Vec<Job> = Vec::new();
     let mut failed = Vec::new();
@@ -60,7 +57,7 @@ pub(super) fn run(plan: &Plan, jobs: usize) -> Result<ExitCode> {
         }
         while running.len() < jobs {
             let Some(task) = waiting.pop_front() else { break };
-            running.push(Job::start(plan, task, threads, &commit, &board)?);
+            running.push(Job::start(plan, task, threads, &board)?);
         }
         std::thread::sleep(POLL);
         let mut still = Vec::new();
@@ -141,7 +138,7 @@ struct Job<'p> {
 }
 
 impl<'p> Job<'p> {
-    fn start(plan: &Plan, task: &'p Task, threads: usize, commit: &str, board: &Board) -> Result<Self> {
+    fn start(plan: &Plan, task: &'p Task, threads: usize, board: &Board) -> Result<Self> {
         let path = log_path(plan, &task.name);
         let folder = path.parent().unwrap_or(&plan.out);
         std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
@@ -152,7 +149,6 @@ impl<'p> Job<'p> {
         let child = Command::new(this_program()?)
             .args(["sweep", "task", "--lifeline", "--threads", &threads.to_string()])
             .args([plan.path.as_os_str(), task.name.as_ref()])
-            .env(COMMIT, commit)
             // Its end tells the run that this process is gone.
             .stdin(Stdio::piped())
             .stdout(log)

@@ -21,7 +21,6 @@ use super::section::Section;
 use super::task::{Stage, log_path};
 use jostle_runs::folder::read_optional;
 use jostle_runs::output::note;
-use jostle_runs::provenance;
 use jostle_runs::run_folder::write_atomically;
 use jostle_runs::tools::on_path;
 
@@ -339,13 +338,11 @@ fn array_script(plan: &Plan, tasks: &[&Task], program: &Path, copy: &Path) -> St
     }
     let _ = write!(
         text,
-        "export JOSTLE_COMMIT={}\n\
-         # Shortly before the time limit: stop at a checkpoint, and queue again.\n\
+        "# Shortly before the time limit: stop at a checkpoint, and queue again.\n\
          again() {{\n  kill \"$process\"\n  wait \"$process\"\n  \
          exec scontrol requeue \"${{SLURM_ARRAY_JOB_ID}}_${{SLURM_ARRAY_TASK_ID}}\"\n}}\n\
          trap again USR1\n\
          {} sweep task --wait --threads {} {} \"$run\" &\nprocess=$!\nwait \"$process\"\n",
-        quote(&provenance::commit()),
         quote(&program.to_string_lossy()),
         threads(plan),
         quote(&copy.to_string_lossy()),

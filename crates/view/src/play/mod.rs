@@ -106,7 +106,7 @@ pub fn serve_in_background() -> Result<SocketAddr> {
 
 /// The policies and crowds to choose from.
 fn stock(args: &PlayArgs) -> Result<Stock> {
-    let paths = if args.policy.is_empty() { demo::shipped() } else { args.policy.clone() };
+    let paths = if args.policy.is_empty() { demo::shipped()? } else { args.policy.clone() };
     let mut drivers = paths.iter().map(|path| Driver::open(path, 0)).collect::<Result<Vec<_>>>()?;
     for planner in Planner::ALL {
         if drivers.iter().all(|driver| driver.name != planner.name()) {

@@ -1,0 +1,118 @@
+//! Files that come with the program: configurations, maps, policies.
+//!
+//! In a checkout they are the checkout's. Elsewhere the program brings those that it was built with ([`set_embedded`]) and unpacks
+//! them into the user's cache folder, so that whatever takes a path takes them, too.
+
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use anyhow::{Context as _, Result, bail};
+use jostle_arena::identity::{hex_sha256, short};
+use jostle_policy::did_you_mean;
+
+use crate::output::note;
+use crate::provenance::workspace;
+use crate::run_folder::write_bytes_atomically;
+
+/// A file that is part of the program.
+#[derive(Clone, Copy, Debug)]
+pub struct Embedded {
+    /// Its path below the root of a checkout, such as `configs/strong.toml`.
+    pub path: &'static str,
+    /// Its content.
+    pub bytes: &'static [u8],
+}
+
+static EMBEDDED: OnceLock<&'static [Embedded]> = OnceLock::new();
+static UNPACKED: OnceLock<PathBuf> = OnceLock::new();
+
+/// Sets the files that are part of the program; the first call counts.
+pub fn set_embedded(files: &'static [Embedded]) {
+    EMBEDDED.get_or_init(|| files);
+}
+
+/// The path of a shipped file or folder, such as `configs/strong.toml` or `checkpoints`: the checkout's, else the program's own, which
+/// are unpacked.
+///
+/// # Errors
+/// Neither a checkout nor the program has it; the cache folder cannot be written.
+pub fn shipped(path: &str) -> Result<PathBuf> {
+    let here = workspace().join(path);
+    if here.exists() {
+        return Ok(here);
+    }
+    let files = embedded();
+    if !is_embedded(path) {
+        let known = did_you_mean(path, files.iter().map(|file| file.path));
+        bail!("{}: found no such file, and the program itself has none of this name{known}", here.display());
+    }
+    Ok(unpacked(files)?.join(path))
+}
+
+/// Whether [`shipped`] has this file or folder.
+pub fn is_shipped(path: &str) -> bool {
+    workspace().join(path).exists() || is_embedded(path)
+}
+
+fn embedded() -> &'static [Embedded] {
+    EMBEDDED.get().copied().unwrap_or_default()
+}
+
+fn is_embedded(path: &str) -> bool {
+    let below = format!("{path}/");
+    embedded().iter().any(|file| file.path == path || file.path.starts_with(&below))
+}
+
+/// The configuration that a word of the command line means: a file, or the name of a shipped one, such as `strong`.
+///
+/// # Errors
+/// A name that is no shipped one's, without a file of that name.
+pub fn config(named: &Path) -> Result<PathBuf> {
+    let is_name = |name: &&str| name.chars().all(|c| c.is_ascii_alphanumeric() || c == '-' || c == '_');
+    match named.to_str().filter(is_name) {
+        Some(name) if !named.exists() => shipped(&format!("configs/{name}.toml")),
+        _ => Ok(named.to_owned()),
+    }
+}
+
+/// Where the program's own files are, after they were written there.
+fn unpacked(files: &[Embedded]) -> Result<&'static Path> {
+    if let Some(folder) = UNPACKED.get() {
+        return Ok(folder);
+    }
+    let folder = cache_folder()?.join(version(files));
+    for file in files {
+        let path = folder.join(file.path);
+        let is_there = std::fs::metadata(&path).is_ok_and(|about| about.len() == file.bytes.len() as u64);
+        if !is_there {
+            let parent = path.parent().context("a path of a file without a folder")?;
+            std::fs::create_dir_all(parent).with_context(|| format!("cannot create {}", parent.display()))?;
+            write_bytes_atomically(&path, file.bytes)?;
+        }
+    }
+    note(&format!(
+        "no checkout of jostle here; shipped policies and configurations are the program's own, in {}",
+        folder.display()
+    ));
+    Ok(UNPACKED.get_or_init(|| folder))
+}
+
+/// The name of these very files.
+fn version(files: &[Embedded]) -> String {
+    let list: Vec<String> =
+        files.iter().map(|file| format!("{} {}", file.path, hex_sha256(file.bytes))).collect();
+    format!("{}-{}", env!("CARGO_PKG_VERSION"), short(&hex_sha256(list.join("\n").as_bytes())))
+}
+
+/// The user's folder for what a program can make again.
+fn cache_folder() -> Result<PathBuf> {
+    let variable = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
+    let folder = variable("XDG_CACHE_HOME")
+        .or_else(|| variable("LOCALAPPDATA"))
+        .or_else(|| variable("HOME").map(|home| home.join(".cache")));
+    Ok(folder
+        .context(
+            "found none of XDG_CACHE_HOME, LOCALAPPDATA and HOME, expected one: where files may be kept",
+        )?
+        .join("jostle"))
+}
