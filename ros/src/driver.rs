@@ -9,7 +9,7 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use jostle_eval::RobotPolicy;
+use jostle_arena::RobotPolicy;
 use jostle_sim::SimConfig;
 
 use crate::clock::Clock;
@@ -328,7 +328,7 @@ impl Driver {
 
 #[cfg(test)]
 mod tests {
-    use jostle_eval::PerRow;
+    use jostle_arena::PerRow;
 
     use super::*;
     use crate::messages::{

@@ -5,7 +5,7 @@
 
 use std::path::PathBuf;
 
-use jostle_eval::EvalError;
+use jostle_arena::ArenaError;
 use jostle_runs::RunsError;
 
 /// Error of this crate.
@@ -82,7 +82,7 @@ pub enum RosError {
     Runs(Box<RunsError>),
     /// The policy refused.
     #[error(transparent)]
-    Eval(Box<EvalError>),
+    Eval(Box<ArenaError>),
 }
 
 impl RosError {
@@ -98,8 +98,8 @@ impl From<RunsError> for RosError {
     }
 }
 
-impl From<EvalError> for RosError {
-    fn from(error: EvalError) -> Self {
+impl From<ArenaError> for RosError {
+    fn from(error: ArenaError) -> Self {
         Self::Eval(Box::new(error))
     }
 }

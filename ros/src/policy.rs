@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use jostle_eval::{Driver as Named, EvalError, RobotPolicy, TrainedRobot};
+use jostle_arena::{Driver as Named, ArenaError, RobotPolicy, TrainedRobot};
 use jostle_policy::Backend;
 use jostle_sim::SimConfig;
 
@@ -34,7 +34,7 @@ pub fn choose(path: &Path, token: u32) -> Result<Chosen, RosError> {
         Named::Planner(planner) => {
             if token != 0 {
                 let expected = format!("0: the planner {planner} knows no behaviours");
-                return Err(EvalError::Setting { field: "token", found: token.to_string(), expected }.into());
+                return Err(ArenaError::Setting { field: "token", found: token.to_string(), expected }.into());
             }
             let sim = SimConfig::default();
             Ok(Chosen { name, policy: planner.policy(&sim)?, sim })

@@ -6,6 +6,10 @@ struct HowToCrowd;
 struct HowToOwnPolicy;
 #[doc = include_str!("../../../docs/how-to-reward.md")]
 struct HowToReward;
+#[doc = include_str!("../../../README.md")]
+struct Root;
+#[doc = include_str!("../../arena/README.md")]
+struct Arena;
 #[doc = include_str!("../../diversity/README.md")]
 struct Diversity;
 #[doc = include_str!("../../eval/README.md")]

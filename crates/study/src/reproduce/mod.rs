@@ -11,6 +11,7 @@ mod cells;
 mod curves;
 mod deployment;
 mod hours;
+mod overview;
 mod page;
 mod paths;
 pub(crate) mod plan;

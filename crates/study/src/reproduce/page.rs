@@ -1,12 +1,13 @@
 //! `docs/reproduction.md` and `README.md`: their tables are filled from `results/`, their prose is written by hand.
 //!
-//! A table stands between `<!-- begin: NAME -->` and `<!-- end: NAME -->` and is the file `results/NAME.md`. Figures are copied to
+//! README.md's own table is made of the stored ones ([`super::overview`]). A table is between `<!-- begin: NAME -->` and `<!-- end: NAME -->`: the file `results/NAME.md`. Figures are copied to
 //! `docs/images/`, as a book holds what is below its own folder alone.
 
 use std::path::Path;
 
 use anyhow::{Context as _, Result, bail};
 
+use super::overview::overview;
 use jostle_runs::folder::read_optional;
 use jostle_runs::output::note;
 use jostle_runs::provenance::workspace;
@@ -19,6 +20,8 @@ const FIGURES: [(&str, &str); 3] = [
     ("study/results.svg", "study.svg"),
 ];
 
+/// The table that is made of others instead of being a file.
+const OVERVIEW: &str = "overview";
 /// What stands for a result that is not there.
 const NOTHING: &str = "*Not run yet.*\n";
 
@@ -60,7 +63,10 @@ fn filled(text: &str, results: &Path) -> Result<String> {
         let Some(end) = rest[line_end..].find(&end_mark).map(|end| line_end + end) else {
             bail!("no {end_mark} after its begin");
         };
-        let result = read_optional(&results.join(format!("{name}.md")))?;
+        let result = match name {
+            OVERVIEW => overview(results)?,
+            _ => read_optional(&results.join(format!("{name}.md")))?,
+        };
         let body = result.map_or_else(|| NOTHING.to_owned(), |text| demoted(&text));
         for part in [&rest[..line_end], "\n", body.trim_end(), "\n\n", &end_mark] {
             filled += part;
@@ -103,7 +109,7 @@ mod tests {
             let expected = filled(&text, &workspace().join("results")).unwrap();
             assert!(text == expected, "{page}: run `cargo xtask reproduce page`: results/ has changed");
             let names: &[&str] = match page {
-                "README.md" => &["table1", "strong"],
+                "README.md" => &[OVERVIEW],
                 "docs/study.md" => &["study/summary"],
                 "docs/planners.md" => &["table1"],
                 _ => &[
