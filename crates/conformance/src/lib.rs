@@ -4,6 +4,8 @@
 //! or FAIL, the error that came nearest to its tolerance, and how many numbers were compared. A file that cannot be read,
 //! one of no known kind, half-planes without their run, a checksum that does not match and an empty folder all fail.
 
+#![forbid(unsafe_code)]
+
 mod discriminator;
 mod gae;
 mod kind;
