@@ -9,9 +9,9 @@ use std::process::Command;
 
 use anyhow::{Context as _, Result};
 
+use crate::python::{Work, run_in, system_python};
 use jostle_runs::output;
 use jostle_runs::provenance::workspace;
-use crate::python::{Work, run_in, system_python};
 use jostle_runs::tools::target_folder;
 
 /// What pip installs. The first four are unofficial builds of ROS 2 Kilted, good for tests.

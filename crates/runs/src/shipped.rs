@@ -70,9 +70,36 @@ fn is_embedded(path: &str) -> bool {
 pub fn config(named: &Path) -> Result<PathBuf> {
     let is_name = |name: &&str| name.chars().all(|c| c.is_ascii_alphanumeric() || c == '-' || c == '_');
     match named.to_str().filter(is_name) {
-        Some(name) if !named.exists() => shipped(&format!("configs/{name}.toml")),
+        Some(name) if !named.exists() => {
+            let path = format!("configs/{name}.toml");
+            if !is_shipped(&path) {
+                let known = did_you_mean(name, embedded().iter().filter_map(|file| config_name(file.path)));
+                bail!("{name}: found neither a file nor a shipped configuration of this name{known}");
+            }
+            shipped(&path)
+        }
         _ => Ok(named.to_owned()),
     }
+}
+
+/// `strong` of `configs/strong.toml`.
+fn config_name(path: &str) -> Option<&str> {
+    path.strip_prefix("configs/")?.strip_suffix(".toml").filter(|name| !name.contains('/'))
+}
+
+/// The root of the checkout, for what needs its policies and results.
+///
+/// # Errors
+/// No checkout at or above the working directory, and none where the program was built.
+pub fn checkout() -> Result<&'static Path> {
+    let root = workspace();
+    if !root.join("configs").is_dir() {
+        bail!(
+            "found no checkout of jostle here, expected one: `git clone {}` makes it",
+            env!("CARGO_PKG_REPOSITORY")
+        );
+    }
+    Ok(root)
 }
 
 /// Where the program's own files are, after they were written there.

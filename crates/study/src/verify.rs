@@ -58,6 +58,7 @@ enum What {
 
 /// Verifies what the arguments name.
 pub fn run(args: &VerifyArgs) -> Result<ExitCode> {
+    jostle_runs::shipped::checkout()?;
     let folder = args.checkpoints.clone().unwrap_or_else(manifest::default_folder);
     match &args.what {
         What::Checkpoints => {

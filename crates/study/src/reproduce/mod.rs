@@ -175,6 +175,7 @@ impl Target {
 
 /// Reproduces what the arguments name.
 pub fn run(args: &ReproduceArgs, trainings: &dyn Trainings) -> Result<ExitCode> {
+    jostle_runs::shipped::checkout()?;
     threads::set(args.threads)?;
     let n_threads = args.threads.map_or(0, NonZeroUsize::get);
     if args.preset == Preset::Small {

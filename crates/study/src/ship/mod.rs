@@ -77,6 +77,7 @@ const WAITING: &str = "waiting.tmp";
 
 /// Ships the runs, or nothing.
 pub fn run(args: &ShipArgs) -> Result<ExitCode> {
+    jostle_runs::shipped::checkout()?;
     let plan = Plan::new(&args.base.clone().unwrap_or_else(Plan::default_base))?;
     let folder = args.out.clone().unwrap_or_else(manifest::default_folder);
     let mut manifest = Manifest::load_optional(&folder)?.unwrap_or_else(Manifest::empty);

@@ -6,20 +6,16 @@
 use std::io::{Read, Write};
 
 use anyhow::{Context as _, Result, bail, ensure};
-use sha1::{Digest as _, Sha1};
-
-use crate::replay::page::base64;
+use tungstenite::handshake::derive_accept_key;
 
 /// Bytes of a request's head at most.
 const HEAD_MAX: usize = 16 * 1024;
-/// What a server appends to a client's key (RFC 6455, section 1.3).
-const KEY_SUFFIX: &str = "258EAFA5-E914-47DA-95CA-C5AB0DC85B11";
 
 /// A request or a reply without its body: the first line, then the fields.
 #[derive(Debug)]
-pub struct Head {
+pub(crate) struct Head {
     /// Its first line, such as `GET / HTTP/1.1`.
-    pub line: String,
+    pub(crate) line: String,
     fields: Vec<(String, String)>,
 }
 
@@ -28,7 +24,7 @@ impl Head {
     ///
     /// # Errors
     /// A connection that ends before, a head that is too long or no text.
-    pub fn read(stream: &mut impl Read) -> Result<Self> {
+    pub(crate) fn read(stream: &mut impl Read) -> Result<Self> {
         let mut bytes = Vec::new();
         let mut byte = [0];
         while !bytes.ends_with(b"\r\n\r\n") {
@@ -49,42 +45,42 @@ impl Head {
     }
 
     /// A field's value; names are in lower case.
-    pub fn field(&self, name: &str) -> Option<&str> {
+    pub(crate) fn field(&self, name: &str) -> Option<&str> {
         self.fields.iter().find(|(field, _)| field == name).map(|(_, value)| value.as_str())
     }
 
     /// The path of a GET request, without its query.
-    pub fn path(&self) -> Option<&str> {
+    pub(crate) fn path(&self) -> Option<&str> {
         let rest = self.line.strip_prefix("GET ")?;
         let target = rest.strip_suffix(" HTTP/1.1")?;
         target.split('?').next()
     }
 
     /// The key of a client that asks for a WebSocket.
-    pub fn websocket_key(&self) -> Option<&str> {
+    pub(crate) fn websocket_key(&self) -> Option<&str> {
         let upgrade = self.field("upgrade").is_some_and(|value| value.eq_ignore_ascii_case("websocket"));
         let version = self.field("sec-websocket-version") == Some("13");
         self.field("sec-websocket-key").filter(|_| upgrade && version)
     }
 }
 
-/// The answer to a WebSocket key.
-pub fn accept_key(key: &str) -> String {
-    base64(&Sha1::digest(format!("{key}{KEY_SUFFIX}")))
-}
-
 /// Switches a connection over to WebSocket.
-pub fn write_switch(stream: &mut impl Write, key: &str) -> std::io::Result<()> {
+pub(crate) fn write_switch(stream: &mut impl Write, key: &str) -> std::io::Result<()> {
     write!(
         stream,
         "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n\
          Sec-WebSocket-Accept: {}\r\n\r\n",
-        accept_key(key)
+        derive_accept_key(key.as_bytes())
     )
 }
 
 /// Writes a whole reply and announces the end of the connection.
-pub fn write_reply(stream: &mut impl Write, status: &str, kind: &str, body: &str) -> std::io::Result<()> {
+pub(crate) fn write_reply(
+    stream: &mut impl Write,
+    status: &str,
+    kind: &str,
+    body: &str,
+) -> std::io::Result<()> {
     write!(
         stream,
         "HTTP/1.1 {status}\r\nContent-Type: {kind}; charset=utf-8\r\nContent-Length: {}\r\n\
@@ -95,11 +91,14 @@ pub fn write_reply(stream: &mut impl Write, status: &str, kind: &str, body: &str
 
 #[cfg(test)]
 mod tests {
-    use super::{Head, accept_key};
+    use super::{Head, write_switch};
 
     #[test]
     fn the_key_of_the_rfc_is_answered_as_there() {
-        assert_eq!(accept_key("dGhlIHNhbXBsZSBub25jZQ=="), "s3pPLMBiTxaQ9kYGzzhZRbK+xOo=");
+        let mut reply = Vec::new();
+        write_switch(&mut reply, "dGhlIHNhbXBsZSBub25jZQ==").unwrap();
+        let reply = Head::read(&mut &reply[..]).unwrap();
+        assert_eq!(reply.field("sec-websocket-accept"), Some("s3pPLMBiTxaQ9kYGzzhZRbK+xOo="));
     }
 
     #[test]

@@ -6,7 +6,7 @@
 //!
 //! Every visitor has a room of their own, so that a second window starts anew and disturbs nobody.
 
-pub mod http;
+mod http;
 mod message;
 mod page;
 mod server;

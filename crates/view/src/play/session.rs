@@ -2,6 +2,7 @@
 //! asked, in order.
 
 use anyhow::{Context as _, Result, ensure};
+use base64::prelude::{BASE64_STANDARD, Engine as _};
 use glam::Vec2;
 use jostle_arena::config::ArenaConfig;
 use jostle_arena::crowds::{Pools, make_crowd};
@@ -14,7 +15,7 @@ use jostle_sim::{Laser, Pose, Shape};
 
 use super::message::{Frame, PolicyChoice, Setup, Tell};
 use crate::replay::driver::Driver;
-use crate::replay::page::{Scene, base64};
+use crate::replay::page::Scene;
 use crate::replay::{BEAMS, config_of};
 
 /// Pedestrians in a room at most: the page is to stay legible and the room alive.
@@ -223,7 +224,7 @@ impl<'a> Session<'a> {
             command: self.room.robot_velocity(),
             goal: self.room.robot().goal.to_array(),
             near: self.room.robot_nearest(),
-            ranges: base64(&ranges.iter().step_by(stride).map(byte).collect::<Vec<u8>>()),
+            ranges: BASE64_STANDARD.encode(ranges.iter().step_by(stride).map(byte).collect::<Vec<u8>>()),
             pedestrians: pedestrians.iter().map(pose).collect(),
             goals: pedestrians.iter().map(|pedestrian| pedestrian.goal.to_array()).collect(),
             outcome: self.outcome,

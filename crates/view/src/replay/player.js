@@ -5,7 +5,7 @@
   const data = JSON.parse($("data").textContent);
   const { world, policies, episodes } = data;
   const SHORT = { success: "goal", collision_pedestrian: "pedestrian", collision_wall: "wall", timeout: "time out" };
-  const INKS = ["accent", "second"];
+  const INKS = ["accent", "second", "third"];
 
   // Numbers are stored as little-endian 16-bit integers (or bytes) in base 64.
   function numbers(text, units) {

@@ -3,17 +3,14 @@
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context as _, Result, anyhow, bail, ensure};
+use anyhow::{Context as _, Result, anyhow, bail};
 use serde_json::{Value, json};
-use tungstenite::protocol::{Role, WebSocketConfig};
+use tungstenite::client::{IntoClientRequest as _, client_with_config};
+use tungstenite::protocol::WebSocketConfig;
 use tungstenite::{Message, WebSocket};
-
-use jostle_view::play::http::{Head, accept_key};
 
 /// How long an answer may take.
 const PATIENCE: Duration = Duration::from_mins(1);
-/// A client's key; the server only proves that it read it.
-const KEY: &str = "am9zdGxlIGJyb3dzZXIgdA==";
 
 /// A connection to a browser.
 pub(super) struct DevTools {
@@ -66,25 +63,20 @@ impl DevTools {
     }
 }
 
-/// Opens a WebSocket as a client.
+/// Opens a WebSocket as a client, as a page of `origin` would.
 pub(super) fn websocket(address: &str, origin: Option<&str>) -> Result<WebSocket<TcpStream>> {
-    let rest = address.strip_prefix("ws://").with_context(|| format!("{address} is no ws:// address"))?;
-    let (host, path) = rest.split_once('/').with_context(|| format!("{address} has no path"))?;
-    let mut stream = TcpStream::connect(host).with_context(|| format!("cannot connect to {host}"))?;
+    let mut request =
+        address.into_client_request().with_context(|| format!("{address} is no address of a WebSocket"))?;
+    if let Some(origin) = origin {
+        request.headers_mut().insert("Origin", origin.parse().context("an origin that is no header")?);
+    }
+    let host = request.uri().authority().with_context(|| format!("{address} has no host"))?.to_string();
+    let stream = TcpStream::connect(&host).with_context(|| format!("cannot connect to {host}"))?;
     stream.set_read_timeout(Some(PATIENCE)).context("a socket without a clock")?;
     stream.set_nodelay(true).context("a socket that waits")?;
-    let origin = origin.map_or_else(String::new, |origin| format!("Origin: {origin}\r\n"));
-    let request = format!(
-        "GET /{path} HTTP/1.1\r\nHost: {host}\r\n{origin}Connection: Upgrade\r\nUpgrade: websocket\r\n\
-         Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: {KEY}\r\n\r\n"
-    );
-    std::io::Write::write_all(&mut stream, request.as_bytes()).context("the connection failed")?;
-    let head = Head::read(&mut stream)?;
-    ensure!(head.line.starts_with("HTTP/1.1 101"), "{address}: {}", head.line);
-    ensure!(
-        head.field("sec-websocket-accept") == Some(&accept_key(KEY)),
-        "{address}: a wrong answer to the key"
-    );
     let limits = WebSocketConfig::default().max_message_size(Some(64 << 20)).max_frame_size(Some(64 << 20));
-    Ok(WebSocket::from_raw_socket(stream, Role::Client, Some(limits)))
+    match client_with_config(request, stream, Some(limits)) {
+        Ok((socket, _)) => Ok(socket),
+        Err(error) => Err(anyhow!("{address}: {error}")),
+    }
 }
