@@ -26,6 +26,14 @@ pub enum BenchError {
     /// The matrix product that serves as the yardstick fails.
     #[error(transparent)]
     Product(#[from] candle_core::Error),
+    /// The processor has no such instruction set, or work has begun with another.
+    #[error("instruction set `{found}`: expected {expected}")]
+    InstructionSet {
+        /// The name as it was given.
+        found: String,
+        /// The sets of this processor.
+        expected: String,
+    },
     /// No workload has this name.
     #[error(
         "workload `{found}`: expected update, forward-B, simulator-R or orca-N with a number for B, R, N"

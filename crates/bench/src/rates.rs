@@ -11,8 +11,8 @@ use crate::error::BenchError;
 /// Side of the square matrices of the general product.
 const SIDE: usize = 1024;
 
-/// Operations per second of a general product of two 1024 × 1024 matrices of f32 (candle on the crate gemm, with
-/// AVX-512 where there is AVX-512), on the threads of the pool that calls.
+/// Operations per second of a general product of two 1024 × 1024 matrices of f32 (candle on the
+/// crate gemm, with AVX-512 where there is AVX-512), on the threads of the pool that calls.
 ///
 /// # Errors
 ///
@@ -29,8 +29,8 @@ pub fn sgemm(threads: usize) -> Result<f64, BenchError> {
     failure.map_or(Ok(round.units / round.seconds), |error| Err(error.into()))
 }
 
-/// Operations per second, on one thread, of the kernels' own product on operands that stay in the first-level cache:
-/// what the processor gives at its present clock.
+/// Operations per second, on one thread, of the kernels' own product on operands that stay in the
+/// first-level cache: what the processor gives at its present clock.
 pub fn in_cache() -> f64 {
     const CALLS: usize = 2000;
     let (a, panel) = (vec![0.5; 14 * 256], vec![0.5; 256 * PANEL]);
@@ -52,6 +52,23 @@ pub fn in_cache() -> f64 {
 /// The instruction set that the kernels found.
 pub fn instruction_set() -> &'static str {
     Isa::detect().name()
+}
+
+/// Makes the kernels use the instruction set of this name (`avx512`, `avx2` or `plain`) instead of
+/// the widest, for the whole process. candle's product and the simulator's laser keep their own
+/// choice.
+///
+/// # Errors
+///
+/// When the processor has no such set, or a kernel has run with another.
+pub fn choose_instruction_set(name: &str) -> Result<(), BenchError> {
+    let sets = Isa::available();
+    if sets.iter().any(|isa| isa.key() == name && isa.choose()) {
+        return Ok(());
+    }
+    let names: Vec<&str> = sets.iter().map(|isa| isa.key()).collect();
+    let expected = format!("one of {}, before anything runs", names.join(", "));
+    Err(BenchError::InstructionSet { found: name.to_owned(), expected })
 }
 
 /// Seconds that one call takes, for work too long to be repeated.

@@ -7,7 +7,8 @@ use std::ops::{Deref, DerefMut};
 #[repr(C, align(64))]
 struct Line([f32; 16]);
 
-/// A vector of floats that starts at a cache line, so that no register-wide load of an aligned tensor crosses one.
+/// A vector of floats that starts at a cache line, so that no register-wide load of an aligned
+/// tensor crosses one.
 #[derive(Debug, Clone, Default)]
 pub struct AlignedVec {
     lines: Vec<Line>,

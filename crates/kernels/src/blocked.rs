@@ -1,20 +1,21 @@
 //! Activations in blocks of 16 features: one format that every product reads without a copy.
 //!
-//! A batch is cut into chunks of at most 64 rows. Element (row, feature) of a chunk stands at
+//! A batch is cut into chunks of at most 64 rows. Element (row, feature) of a chunk is at
 //!
 //! ```text
 //! (feature / 16 · stride + row) · 16 + feature % 16
 //! ```
 //!
-//! Forward products and input gradients broadcast along the 16 features of a row, and rows lie a fixed 16 floats apart;
-//! weight gradients read 16 features of one row after the other, as a stream. With rows of 4096 features side by side
-//! instead, the 14 rows of a tile would lie 16 KB apart and evict each other from the cache.
-//! The chunks depend on the size of the batch alone, never on the number of threads.
+//! Forward products and input gradients broadcast along the 16 features of a row, and rows lie a
+//! fixed 16 floats apart; weight gradients read 16 features of one row after the other, as a
+//! stream. With rows of 4096 features side by side instead, the 14 rows of a tile would lie 16 KB
+//! apart and evict each other from the cache. The chunks depend on the size of the batch only,
+//! never on the number of threads.
 
 /// Features of a block.
 pub const BLOCK: usize = 16;
 
-/// How a batch is cut, and how far its blocks lie apart.
+/// The division of a batch into chunks, and the distance between their blocks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Chunks {
     /// Rows of the batch.
@@ -29,16 +30,23 @@ pub struct Chunks {
 
 /// Most rows of a chunk: 64 rows of 4096 features are 1 MB, half of a usual second-level cache.
 const CHUNK_MAX: usize = 64;
-/// Up to here a batch is one chunk: reading the weights twice would cost more than a second core gives.
+/// Up to here a batch is one chunk: reading the weights twice would cost more than a second core
+/// gives.
 const SINGLE_MAX: usize = 24;
 
+/// Chunks summed in registers by one weight-gradient tile: 192 rows, 12 KB of inputs and 24 KB of
+/// output gradients.
+const CHUNKS_AT_ONCE: usize = 3;
+
 impl Chunks {
-    /// Cuts a batch into chunks of nearly one size, an even number of them so that two cores share them evenly.
+    /// Cuts a batch into chunks of nearly one size, an even number of them so that two cores share
+    /// them evenly.
     pub fn new(batch: usize) -> Self {
         let count = if batch <= SINGLE_MAX { 1 } else { batch.div_ceil(CHUNK_MAX).next_multiple_of(2) };
         let size = batch.div_ceil(count).max(1);
         let count = batch.div_ceil(size);
-        // A distance of 64 rows is 4 KB, at which all blocks of a row would fall into one set of the cache.
+        // A distance of 64 rows is 4 KB, at which all blocks of a row would fall into one set of
+        // the cache.
         let stride = if size > 32 { size | 3 } else { size };
         let stride = if size > 48 { CHUNK_MAX + 3 } else { stride };
         Self { batch, count, size, stride }
@@ -56,19 +64,25 @@ impl Chunks {
         chunk * self.size
     }
 
+    /// `true` if a weight gradient sums from zero from this chunk on: every third, and the last if
+    /// it has fewer rows.
+    pub(crate) fn begins_run(&self, chunk: usize) -> bool {
+        chunk.is_multiple_of(CHUNKS_AT_ONCE) || self.rows(chunk) < self.size
+    }
+
     /// Distance between two blocks.
     #[inline]
     pub fn block_stride(&self) -> usize {
         self.stride * BLOCK
     }
 
-    /// Length of one chunk's activations of so many features.
+    /// Length of one chunk's activations of `features` features.
     #[inline]
     pub fn chunk_len(&self, features: usize) -> usize {
         features.div_ceil(BLOCK) * self.block_stride()
     }
 
-    /// Length of the whole batch's activations of so many features.
+    /// Length of the whole batch's activations of `features` features.
     #[inline]
     pub fn len(&self, features: usize) -> usize {
         self.count * self.chunk_len(features)
@@ -90,8 +104,8 @@ impl Chunks {
         }
     }
 
-    /// Adds the rows of all chunks: `sums[feature] = Σ_row x[row, feature]`, chunk by chunk. This is the gradient of a
-    /// bias.
+    /// Adds the rows of all chunks: `sums[feature] = Σ_row x[row, feature]`, chunk by chunk. This
+    /// is the gradient of a bias.
     pub fn sum_rows(&self, x: &[f32], features: usize, sums: &mut [f32]) {
         sums.fill(0.0);
         for (chunk, x) in x.chunks_exact(self.chunk_len(features)).enumerate() {

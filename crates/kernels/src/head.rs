@@ -1,19 +1,20 @@
 //! A narrow linear layer: any number of outputs, by padding to a panel of 32.
 //!
-//! Heads have 1, 2 or M outputs. Their parameters stay in canonical order (one row of weights for each output), and a
-//! padded copy is made once per step; it is so small that the zeros cost nothing.
+//! Heads have 1, 2 or M outputs. Their parameters stay in canonical order (one row of weights for
+//! each output), and a padded copy is made once per step; it is so small that the zeros cost
+//! nothing.
 
 use crate::Isa;
 use crate::aligned::AlignedVec;
 use crate::blocked::Chunks;
 use crate::linear::{Forward, Linear};
-use crate::rows::{Finish, Grid, PANEL};
+use crate::operands::{Finish, Grid, PANEL};
 
 /// A narrow layer and its padded weights.
 #[derive(Debug, Clone)]
 pub struct Head {
     linear: Linear,
-    /// Where each output's weights and bias stand in the network's flat vector.
+    /// Indices of each output's weights and bias in the network's flat vector.
     offsets: Vec<(usize, usize)>,
     weights: AlignedVec,
     bias: AlignedVec,
@@ -22,7 +23,8 @@ pub struct Head {
 }
 
 impl Head {
-    /// A layer whose output o has its weights at `offsets[o].0` and its bias at `offsets[o].1` of the flat vector.
+    /// A layer whose output o has its weights at `offsets[o].0` and its bias at `offsets[o].1` of
+    /// the flat vector.
     pub fn new(inputs: usize, offsets: Vec<(usize, usize)>) -> Self {
         let linear = Linear::new(inputs, offsets.len().next_multiple_of(PANEL));
         Self {

@@ -1,61 +1,62 @@
-//! The arithmetic of the networks on a CPU: few, large, well-shaped matrix products over memory that is allocated once, and Adam.
+//! The arithmetic of the networks on a CPU: few, large, well-shaped matrix products over memory
+//! that is allocated once, and Adam.
 //!
-//! Reading order: [`rows`] and [`outer`] (the two products that everything is made of), [`blocked`] (the one format of
-//! activations), [`linear`] and [`head`] (layers), `sparse` and `sparse_conv` (what a ReLU saves), [`adam`].
+//! Reading order: [`operands`] and [`dense`] (the two products that everything is made of),
+//! [`blocked`] (the one format of activations), [`linear`] and [`head`] (layers), [`sparse`]
+//! (products that leave out the zeros of a ReLU), [`adam`]. `lanes` has one register of each
+//! instruction set; a product has one body, which is compiled for each, and [`dispatch`] chooses.
 //!
 //! # Stability
 //!
-//! None: this crate is internal to the workspace. Its interface follows what the networks of `jostle-policy` need, and it
-//! changes without notice.
+//! None: this crate is internal to the workspace. Its interface follows what the networks of
+//! `jostle-policy` need, and it changes without notice.
 //!
 //! # Safety
 //!
-//! All functions here are safe: they check the lengths of their operands and panic if one is too short. `unsafe` is confined to
-//! the few functions that use vector instructions ([`Isa`] proves that the processor has them) and to [`AlignedVec`]'s view of
-//! its memory. Each product has a plain Rust version next to it, and tests hold them together at odd sizes.
+//! All functions here are safe: they check the lengths of their operands and panic if one is too
+//! short. `unsafe` is confined to the few functions that use vector instructions ([`Isa`] proves
+//! that the processor has them) and to [`AlignedVec`]'s view of its memory. Tests compare every set
+//! with sums in double precision, at odd sizes.
 //!
 //! # Determinism
 //!
-//! Work is divided at boundaries that depend on sizes only, and every sum is made in one order: results have the same
-//! bits at any number of threads, and with AVX-512 as with AVX2. Plain Rust does not fuse multiply-adds and rounds otherwise.
+//! Work is divided at boundaries that depend on sizes only, and every sum is made in one order:
+//! results have the same bits at any number of threads, and with AVX-512 as with AVX2. Plain Rust
+//! does not fuse multiply-adds and rounds otherwise.
 
 // Not `forbid`: the modules with vector instructions are excepted below, one by one.
 #![deny(unsafe_code)]
 
-#[allow(unsafe_code, reason = "vector instructions")]
+#[allow(unsafe_code, reason = "calls functions compiled for one instruction set")]
 pub mod adam;
 #[allow(unsafe_code, reason = "a view of cache lines as floats")]
 pub mod aligned;
-#[cfg(target_arch = "x86_64")]
-#[allow(unsafe_code, reason = "vector instructions")]
-mod avx2;
-#[cfg(target_arch = "x86_64")]
-#[allow(unsafe_code, reason = "vector instructions")]
-mod avx2_sparse;
-#[cfg(target_arch = "x86_64")]
-#[allow(unsafe_code, reason = "vector instructions")]
-mod avx512;
-#[cfg(target_arch = "x86_64")]
-#[allow(unsafe_code, reason = "vector instructions")]
-mod avx512_sparse;
 pub mod blocked;
+#[allow(
+    unsafe_code,
+    reason = "calls functions compiled for one instruction set, with operands that are checked before"
+)]
+pub mod dense;
+#[allow(unsafe_code, reason = "calls functions compiled for one instruction set, which the processor has")]
+pub mod dispatch;
 pub mod head;
 #[allow(unsafe_code, reason = "vector instructions")]
-pub mod isa;
+mod lanes;
 pub mod linear;
-#[allow(unsafe_code, reason = "vector instructions")]
-pub mod outer;
+pub mod operands;
 mod pieces;
-#[allow(unsafe_code, reason = "vector instructions")]
+#[allow(unsafe_code, reason = "an instruction that has no effect but on the cache")]
 mod prefetch;
-#[allow(unsafe_code, reason = "vector instructions")]
-pub mod rows;
-#[allow(unsafe_code, reason = "vector instructions")]
-mod sparse;
-#[allow(unsafe_code, reason = "vector instructions")]
-mod sparse_conv;
+#[allow(
+    unsafe_code,
+    reason = "calls functions compiled for one instruction set, with operands that are checked before"
+)]
+pub mod sparse;
 mod tile;
-#[allow(unsafe_code, reason = "vector instructions")]
+#[allow(
+    unsafe_code,
+    reason = "calls functions compiled for one instruction set, with operands that are checked before"
+)]
 mod transpose;
 
 #[cfg(test)]
@@ -64,11 +65,11 @@ mod tests;
 pub use adam::{AdamStep, adam_step};
 pub use aligned::AlignedVec;
 pub use blocked::{BLOCK, Chunks};
+pub use dense::{outer_products, rows_times_panel};
+pub use dispatch::{Isa, Work};
 pub use head::Head;
-pub use isa::{Isa, Work};
 pub use linear::{Forward, Linear};
-pub use outer::{Count, Steps, outer_products};
+pub use operands::{Count, Finish, Grid, HALF, PANEL, Start, Steps, Strips};
 pub use pieces::{Pieces, for_each_piece};
 pub use prefetch::prefetch;
-pub use rows::{Finish, Grid, HALF, PANEL, Start, Strips, rows_times_panel};
-pub use sparse_conv::{SampleForward, SampleGradient, SampleMasks};
+pub use sparse::{SampleForward, SampleGradient, SampleMasks};

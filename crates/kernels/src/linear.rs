@@ -2,28 +2,28 @@
 //!
 //! # Shapes
 //!
-//! y [B, outputs] = x [B, inputs] · W + b. The weights are kept `[inputs, outputs]`, in groups of 256 inputs and panels
-//! of 32 outputs:
+//! y [B, outputs] = x [B, inputs] · W + b. The weights are kept `[inputs, outputs]`, in groups of
+//! 256 inputs and panels of 32 outputs:
 //!
 //! ```text
 //! [inputs / 256][outputs / 32][256 inputs of the group][32 outputs of the panel]
 //! ```
 //!
-//! so that the forward product reads them as one stream, a part of 32 KB (one group, one panel) stays in the first-level
-//! cache for all rows of a chunk, and a weight gradient is computed group by group into memory that lies together.
-//! Because the optimiser works element by element it does not care; nothing is packed for the forward pass. The input
-//! gradient wants the transpose, which [`Linear::transpose`] makes once per step of the optimiser.
+//! so that the forward product reads them as one stream, a part of 32 KB (one group, one panel)
+//! stays in the first-level cache for all rows of a chunk, and a weight gradient is computed group
+//! by group into memory that lies together. Because the optimiser works element by element it does
+//! not care; nothing is packed for the forward pass. The input gradient wants the transpose, which
+//! [`Linear::transpose`] makes once per step of the optimiser.
 
 use crate::blocked::{BLOCK, Chunks};
-use crate::outer::{Count, Steps, outer_products};
-use crate::rows::{Finish, Grid, HALF, PANEL, Start, Strips, rows_times_panel};
+use crate::dense::{outer_products, rows_times_panel};
+use crate::dispatch::Isa;
+use crate::operands::{Count, Finish, Grid, HALF, PANEL, Start, Steps, Strips};
+use crate::pieces::for_each_piece;
 use crate::sparse::{self, After, QUARTERS, SPAN, SpanGradient, SpanProduct, rows_times_span, span_gradient};
-use crate::{Isa, for_each_piece};
 
 /// Inputs of a group.
 const GROUP: usize = 256;
-/// Chunks summed in registers by one weight-gradient tile: 192 rows, 12 KB of inputs and 24 KB of output gradients.
-const CHUNKS_AT_ONCE: usize = 3;
 
 /// The shape of a linear layer whose number of outputs is a multiple of 32.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -64,7 +64,7 @@ impl Linear {
         self.inputs.div_ceil(GROUP)
     }
 
-    /// Where the weight from an input to an output stands.
+    /// Index of the weight from an input to an output.
     pub fn index(&self, input: usize, output: usize) -> usize {
         let group = input / GROUP;
         let group_len = GROUP.min(self.inputs - group * GROUP);
@@ -92,12 +92,10 @@ impl Linear {
         }
     }
 
-    /// Whether the products behind a ReLU may leave out zeros and need masks for it: both sides are made of whole spans, no
-    /// group of inputs cuts one, and there are enough rows in a chunk.
-    pub fn may_leave_out_zeros(&self, isa: Isa, rows: usize) -> bool {
-        self.inputs.is_multiple_of(SPAN)
-            && self.outputs.is_multiple_of(SPAN)
-            && sparse::is_worth_a_look(isa, rows)
+    /// `true` if the products behind a ReLU may leave out zeros and need masks for it: both sides
+    /// are made of whole spans of 64, and a chunk has enough rows, of which there are `rows`.
+    pub fn may_leave_out_zeros(&self, rows: usize) -> bool {
+        self.inputs.is_multiple_of(SPAN) && self.outputs.is_multiple_of(SPAN) && sparse::is_worth_a_look(rows)
     }
 
     /// Masks of a row of inputs: one for each 64.
@@ -105,13 +103,15 @@ impl Linear {
         self.inputs / SPAN
     }
 
-    /// Says which inputs of one row of a chunk are not zero: bit i of mask `span · step` is input i of the span.
+    /// Sets a bit for each input of one row of a chunk that is not zero: bit i of mask
+    /// `span · step` is input i of the span.
     ///
-    /// `x` and `masks` start at the row; masks of a chunk are `[span][row]` with room for as many rows as a chunk has.
+    /// `x` and `masks` start at the row; masks of a chunk are `[span][row]` with room for as many
+    /// rows as a chunk has.
     ///
     /// # Panics
     ///
-    /// If zeros may not be left out, or an operand is too short.
+    /// If an operand is too short.
     pub fn mask_row(&self, isa: Isa, x: &[f32], block_stride: usize, masks: &mut [u64], step: usize) {
         sparse::mask_row(isa, self.spans(), x, block_stride, masks, step);
     }
@@ -122,7 +122,7 @@ impl Linear {
     ///
     /// If an operand is too short.
     pub fn mask_chunk(&self, isa: Isa, chunks: &Chunks, rows: usize, x: &[f32], masks: &mut [u64]) {
-        if !self.may_leave_out_zeros(isa, rows) {
+        if !self.may_leave_out_zeros(rows) {
             return;
         }
         for row in 0..rows {
@@ -131,16 +131,15 @@ impl Linear {
         }
     }
 
-    /// Whether so few inputs of a chunk are not zero that leaving out the others pays; `masks` are by
-    /// [`mask_row`](Self::mask_row), where zeros may be left out.
-    pub fn inputs_are_few(&self, isa: Isa, chunks: &Chunks, rows: usize, masks: &[u64]) -> bool {
+    /// `true` if so few inputs of a chunk are not zero that leaving out the others pays; `masks`
+    /// are by [`mask_row`](Self::mask_row), where zeros may be left out.
+    pub fn inputs_are_few(&self, chunks: &Chunks, rows: usize, masks: &[u64]) -> bool {
         let of_span = |span: usize| &masks[span * chunks.size..][..rows];
-        self.may_leave_out_zeros(isa, rows)
-            && sparse::are_few((0..self.spans()).map(of_span), rows * self.inputs)
+        self.may_leave_out_zeros(rows) && sparse::are_few((0..self.spans()).map(of_span), rows * self.inputs)
     }
 
-    /// [`forward`](Self::forward) for inputs that come out of a ReLU: zeros are left out where that is faster. The bits are
-    /// the same.
+    /// [`forward`](Self::forward) for inputs that come out of a ReLU: zeros are left out where that
+    /// is faster. The bits are the same.
     ///
     /// `masks` are the chunk's by [`mask_row`](Self::mask_row), where zeros may be left out.
     pub fn forward_behind_relu(
@@ -151,7 +150,7 @@ impl Linear {
         chunk: Forward<'_>,
         masks: &[u64],
     ) {
-        if !self.inputs_are_few(isa, chunk.chunks, chunk.rows, masks) {
+        if !self.inputs_are_few(chunk.chunks, chunk.rows, masks) {
             return self.forward(isa, weights, bias, chunk);
         }
         let (n_spans, n_pairs) = (self.spans(), self.outputs / SPAN);
@@ -259,11 +258,12 @@ impl Linear {
         rows_times_panel::<BLOCK>(isa, rows, a, weights, Start::Zero, finish, dx);
     }
 
-    /// Input gradient of one chunk where both sides of the layer are behind a ReLU: `dx = dy · Wᵀ` where `x` is positive,
-    /// else 0, as rows `dx_row` apart. Zeros of `dy` are left out where that is faster; the bits are the same.
+    /// Input gradient of one chunk where both sides of the layer are behind a ReLU: `dx = dy · Wᵀ`
+    /// where `x` is positive, else 0, as rows `dx_row` apart. Zeros of `dy` are left out where that
+    /// is faster; the bits are the same.
     ///
-    /// `masks` are those of `x`, as in the forward pass: what comes out of a ReLU is positive where it is not zero. Those of `dy`
-    /// are made in `dy_masks`.
+    /// `masks` are those of `x`, as in the forward pass: what comes out of a ReLU is positive where
+    /// it is not zero. Those of `dy` are made in `dy_masks`.
     #[allow(clippy::too_many_arguments)] // The operands of one product.
     pub fn input_gradient_between_relus(
         &self,
@@ -280,7 +280,7 @@ impl Linear {
     ) {
         let stride = chunks.block_stride();
         let spans = self.outputs / SPAN;
-        let mut leave_out = self.may_leave_out_zeros(isa, rows);
+        let mut leave_out = self.may_leave_out_zeros(rows);
         if leave_out {
             dy_masks.clear();
             dy_masks.resize(spans * rows, 0);
@@ -320,8 +320,8 @@ impl Linear {
         }
     }
 
-    /// [`weight_gradient`](Self::weight_gradient) for output gradients behind a ReLU: zeros of `dy` are left out where
-    /// that is faster; the bits are the same. `columns` is memory for masks.
+    /// [`weight_gradient`](Self::weight_gradient) for output gradients behind a ReLU: zeros of `dy`
+    /// are left out where that is faster; the bits are the same. `columns` is memory for masks.
     #[allow(clippy::too_many_arguments)] // The operands of one product.
     pub fn weight_gradient_behind_relu(
         &self,
@@ -332,7 +332,7 @@ impl Linear {
         gradient: &mut [f32],
         columns: &mut Vec<u64>,
     ) {
-        if !self.outputs.is_multiple_of(SPAN) || !sparse::is_worth_a_look(isa, chunks.batch) {
+        if !self.outputs.is_multiple_of(SPAN) || !sparse::is_worth_a_look(chunks.batch) {
             return self.weight_gradient(isa, chunks, x, dy, gradient);
         }
         sparse::mask_columns(isa, chunks, self.outputs, dy, columns);
@@ -360,7 +360,8 @@ impl Linear {
         });
     }
 
-    /// Weight gradient of the whole batch: `dW = xᵀ · dy`, in the order of the weights, overwritten.
+    /// Weight gradient of the whole batch: `dW = xᵀ · dy`, in the order of the weights,
+    /// overwritten.
     ///
     /// Work is divided by groups of inputs; the sum over the batch is in one order for each weight.
     pub fn weight_gradient(&self, isa: Isa, chunks: &Chunks, x: &[f32], dy: &[f32], gradient: &mut [f32]) {
@@ -371,7 +372,8 @@ impl Linear {
         });
     }
 
-    /// The weight gradient of one group from the block `first_block` on; `x` starts at the group's first block.
+    /// The weight gradient of one group from the block `first_block` on; `x` starts at the group's
+    /// first block.
     fn group_gradient(
         &self,
         isa: Isa,
@@ -411,7 +413,7 @@ impl Linear {
 /// One chunk of a forward pass.
 #[derive(Debug)]
 pub struct Forward<'a> {
-    /// How the batch is cut.
+    /// The division of the batch.
     pub chunks: &'a Chunks,
     /// Rows of this chunk.
     pub rows: usize,
@@ -419,7 +421,7 @@ pub struct Forward<'a> {
     pub x: &'a [f32],
     /// The chunk's outputs, blocked, overwritten.
     pub y: &'a mut [f32],
-    /// Whether a ReLU follows.
+    /// `true` if a ReLU follows.
     pub relu: bool,
 }
 
@@ -430,15 +432,10 @@ impl<'a> Forward<'a> {
     }
 }
 
-/// Whether a weight gradient sums from zero from this chunk on: every third, and the last if it has fewer rows.
-pub(crate) fn begins_run(chunks: &Chunks, chunk: usize) -> bool {
-    chunk.is_multiple_of(CHUNKS_AT_ONCE) || chunks.rows(chunk) < chunks.size
-}
-
 /// The chunks in runs of equal rows, at most three in one: (first chunk, segments and steps).
 fn chunk_runs(chunks: &Chunks) -> impl Iterator<Item = (usize, Count)> {
-    (0..chunks.count).filter(|chunk| begins_run(chunks, *chunk)).map(|first| {
-        let others = (first + 1..chunks.count).take_while(|chunk| !begins_run(chunks, *chunk));
+    (0..chunks.count).filter(|chunk| chunks.begins_run(*chunk)).map(|first| {
+        let others = (first + 1..chunks.count).take_while(|chunk| !chunks.begins_run(*chunk));
         (first, Count { segments: 1 + others.count(), steps: chunks.rows(first) })
     })
 }

@@ -1,11 +1,11 @@
 //! Division of work over threads without allocation: slices that are cut in pieces, side by side.
 
-/// What can be cut in pieces: a slice with the length of its pieces, or several such.
+/// Memory that can be cut in pieces: a slice with the length of its pieces, or several of those.
 pub trait Pieces: Sized + Send {
     /// One piece.
     type Piece;
 
-    /// Cuts off what lies behind the first `pieces` pieces.
+    /// Cuts off everything behind the first `pieces` pieces.
     #[must_use]
     fn split_off(&mut self, pieces: usize) -> Self;
 
@@ -58,9 +58,10 @@ impl<A: Pieces, B: Pieces> Pieces for (A, B) {
 
 /// Calls `work(i, piece)` for i in `0..count`, on several threads if there is more than one piece.
 ///
-/// `piece` holds the i-th pieces of all slices; a slice comes with the length of its pieces, the last of which may be
-/// shorter. A single piece stays on the calling thread: handing it over would cost more than a small inference. Which
-/// thread does which piece does not matter to the result, as each writes its own pieces alone.
+/// `piece` holds the i-th pieces of all slices; a slice comes with the length of its pieces, the
+/// last of which may be shorter. A single piece stays on the calling thread: handing it over would
+/// cost more than a small inference. Which thread does which piece does not matter to the result,
+/// as each writes only its own pieces.
 pub fn for_each_piece<P: Pieces>(count: usize, slices: P, work: &(impl Fn(usize, P::Piece) + Sync)) {
     divide(0, count, slices, work);
 }

@@ -57,7 +57,7 @@ fn check_rows<const ROW: usize>(
 /// Calls `check` for every instruction set; those that fuse multiply-adds must give the same bits.
 fn on_all_sets(check: impl Fn(Isa) -> Vec<u32>) {
     let results = Isa::available().into_iter().map(|isa| (isa, check(isa)));
-    let fused: Vec<_> = results.filter(|(isa, _)| isa.0 != isa::Level::Plain).collect();
+    let fused: Vec<_> = results.filter(|(isa, _)| isa.is_fused()).collect();
     if fused.len() < 2 {
         let names: Vec<&str> = fused.iter().map(|(isa, _)| isa.name()).collect();
         let _ = writeln!(

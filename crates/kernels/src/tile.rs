@@ -2,8 +2,8 @@
 
 /// The sizes of the tiles: as few tiles as fit, none more than one row larger than another.
 ///
-/// 64 rows in tiles of at most 14 are 13 + 13 + 13 + 13 + 12, not 14 + 14 + 14 + 14 + 8: a small tile leaves the
-/// multiply-add units waiting for loads.
+/// 64 rows in tiles of at most 14 are 13 + 13 + 13 + 13 + 12, not 14 + 14 + 14 + 14 + 8: a small
+/// tile leaves the multiply-add units waiting for loads.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Tiles {
     /// Rows of the smaller tiles.

@@ -1,8 +1,7 @@
 //! Transposing a square of weights.
 
-use crate::Isa;
-use crate::isa::Level;
-use crate::rows::PANEL;
+use crate::dispatch::{Isa, on_set};
+use crate::operands::PANEL;
 
 /// `to[j·32 + i] = from[i·32 + j]`; rows that `from` does not have become zeros.
 ///
@@ -13,15 +12,10 @@ pub(crate) fn square(isa: Isa, from: &[f32], to: &mut [f32]) {
     let (from, _) = from.as_chunks::<PANEL>();
     let (to, _) = to.as_chunks_mut::<PANEL>();
     assert!(from.len() <= PANEL && to.len() == PANEL, "{} rows to {}", from.len(), to.len());
-    match isa.0 {
-        // SAFETY: an `Isa` exists only where the processor has it; AVX-512 is taken only beside AVX2.
-        #[cfg(target_arch = "x86_64")]
-        Level::Avx512 | Level::Avx2 if from.len() == PANEL => unsafe { square_avx2(from, to) },
-        _ => plain(from, to),
+    if from.len() == PANEL {
+        // SAFETY: both sides have 32 rows.
+        return unsafe { on_set!(isa, whole(from, to)) };
     }
-}
-
-fn plain(from: &[[f32; PANEL]], to: &mut [[f32; PANEL]]) {
     for (j, to) in to.iter_mut().enumerate() {
         for (i, to) in to.iter_mut().enumerate() {
             *to = from.get(i).map_or(0.0, |row| row[j]);
@@ -29,53 +23,38 @@ fn plain(from: &[[f32; PANEL]], to: &mut [[f32; PANEL]]) {
     }
 }
 
-/// Squares of 8 × 8 in registers.
-///
-/// # Safety
-///
-/// AVX2; both sides have 32 rows.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-unsafe fn square_avx2(from: &[[f32; PANEL]], to: &mut [[f32; PANEL]]) {
-    use std::arch::x86_64::{_mm256_loadu_ps, _mm256_storeu_ps};
-    const LANES: usize = 8;
-    for i in (0..PANEL).step_by(LANES) {
-        for j in (0..PANEL).step_by(LANES) {
-            // SAFETY: 8 values from column j on are within a row of 32.
-            let rows = std::array::from_fn(|row| unsafe { _mm256_loadu_ps(from[i + row][j..].as_ptr()) });
-            for (column, values) in eight_by_eight(rows).into_iter().enumerate() {
-                // SAFETY: as for the loads.
-                unsafe { _mm256_storeu_ps(to[j + column][i..].as_mut_ptr(), values) };
+/// `whole` for one set: squares in its registers.
+macro_rules! whole {
+    ($set:ident $(#[$feature:meta])?) => {
+        mod $set {
+            use crate::lanes::$set as lanes;
+            use crate::operands::PANEL;
+            use lanes::LANES;
+
+            /// # Safety
+            ///
+            /// The instruction set; both sides have 32 rows.
+            $(#[$feature])?
+            pub(super) unsafe fn whole(from: &[[f32; PANEL]], to: &mut [[f32; PANEL]]) {
+                for i in (0..PANEL).step_by(LANES) {
+                    for j in (0..PANEL).step_by(LANES) {
+                        // SAFETY: a register from column j on is within a row of 32.
+                        let rows = std::array::from_fn(|row| unsafe { lanes::load(from[i + row][j..].as_ptr()) });
+                        for (column, values) in lanes::transpose(&rows).into_iter().enumerate() {
+                            // SAFETY: as for the loads.
+                            unsafe { lanes::store(to[j + column][i..].as_mut_ptr(), values) };
+                        }
+                    }
+                }
             }
         }
-    }
-}
-
-/// The columns of 8 rows of 8 values: pairs of rows are interleaved within each half of a register, then pairs of pairs, then
-/// halves are exchanged.
-#[cfg(target_arch = "x86_64")]
-#[inline]
-#[target_feature(enable = "avx2")]
-pub(crate) fn eight_by_eight(rows: [std::arch::x86_64::__m256; 8]) -> [std::arch::x86_64::__m256; 8] {
-    use std::arch::x86_64::{
-        _mm256_permute2f128_ps, _mm256_shuffle_ps, _mm256_unpackhi_ps, _mm256_unpacklo_ps,
     };
-    let mut quads = rows;
-    for (quads, rows) in quads.chunks_exact_mut(4).zip(rows.chunks_exact(4)) {
-        let low = [_mm256_unpacklo_ps(rows[0], rows[1]), _mm256_unpacklo_ps(rows[2], rows[3])];
-        let high = [_mm256_unpackhi_ps(rows[0], rows[1]), _mm256_unpackhi_ps(rows[2], rows[3])];
-        quads[0] = _mm256_shuffle_ps::<0x44>(low[0], low[1]);
-        quads[1] = _mm256_shuffle_ps::<0xEE>(low[0], low[1]);
-        quads[2] = _mm256_shuffle_ps::<0x44>(high[0], high[1]);
-        quads[3] = _mm256_shuffle_ps::<0xEE>(high[0], high[1]);
-    }
-    let mut columns = quads;
-    for c in 0..4 {
-        columns[c] = _mm256_permute2f128_ps::<0x20>(quads[c], quads[c + 4]);
-        columns[c + 4] = _mm256_permute2f128_ps::<0x31>(quads[c], quads[c + 4]);
-    }
-    columns
 }
+#[cfg(target_arch = "x86_64")]
+whole!(avx512 #[target_feature(enable = "avx512f")]);
+#[cfg(target_arch = "x86_64")]
+whole!(avx2 #[target_feature(enable = "avx2,fma")]);
+whole!(plain);
 
 #[cfg(test)]
 mod tests {

@@ -1,13 +1,14 @@
 //! Where an update's time goes: the learner's part alone, phase by phase, and the actor's inference.
 //!
 //! ```text
-//! cargo run --release -p jostle-policy --example update_time -- [THREADS] [ROUNDS]
+//! cargo run --release -p jostle-policy --example update_time -- [THREADS] [ROUNDS] [INSTRUCTIONS]
 //! ```
 //!
 //! One update is 640 transitions, full batch, 3 epochs each of actor, critic and two discriminators: forward, backward
 //! and Adam, 39.4 GFLOP. Figures are medians over the rounds. The rate to compare with is that of the kernels' own product on
 //! operands that stay in the first-level cache, measured in the same run: what the processor gives at its present clock.
-//! Other load on the machine moves all of them; compare ratios within one run.
+//! Other load on the machine moves all of them; compare ratios within one run. INSTRUCTIONS is `avx512`, `avx2` or `plain`: one set of
+//! what the processor has, instead of the widest.
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -104,9 +105,18 @@ fn in_cache_rate() -> f64 {
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let mut arguments = std::env::args().skip(1).map(|argument| argument.parse::<usize>());
-    let threads = arguments.next().transpose()?.unwrap_or(1);
-    let rounds = arguments.next().transpose()?.unwrap_or(9);
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let number = |i: usize, default| arguments.get(i).map_or(Ok(default), |argument| argument.parse());
+    let (threads, rounds) = (number(0, 1)?, number(1, 9)?);
+    if let Some(key) = arguments.get(2) {
+        let sets = Isa::available();
+        let keys = || sets.iter().map(|set| set.key()).collect::<Vec<_>>().join(", ");
+        let set = sets
+            .iter()
+            .find(|set| set.key() == key)
+            .ok_or_else(|| format!("{key}: expected one of {}", keys()))?;
+        assert!(set.choose(), "nothing has asked before");
+    }
     rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
     // On a worker of the pool, so that nothing is handed over before the work begins.
     Ok(rayon::scope(|_| measure(threads, rounds))?)

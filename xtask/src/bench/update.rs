@@ -23,6 +23,9 @@ pub(super) struct UpdateArgs {
     /// Numbers of worker threads.
     #[arg(long, value_name = "N,…", value_delimiter = ',', default_value = "1,2")]
     threads: Vec<usize>,
+    /// Instruction set of the networks' kernels: avx512, avx2 or plain; by default the widest that the processor has.
+    #[arg(long, value_name = "SET")]
+    instructions: Option<String>,
 }
 
 /// What one number of threads gave, round by round.
@@ -38,6 +41,9 @@ struct Measured {
 }
 
 pub(super) fn run(args: &UpdateArgs) -> Result<()> {
+    if let Some(name) = &args.instructions {
+        rates::choose_instruction_set(name)?;
+    }
     let conditions = Conditions::now();
     let mut text = conditions.markdown().to_owned();
     let _ = writeln!(

@@ -165,7 +165,7 @@ impl FastNetwork {
         let (weight2, bias2) = rest.split_at_mut(CONV2_KERNEL * PANEL * PANEL);
         let parameters = super::network::conv_parts(&self.conv, &self.parameters);
         let scans_len = self.conv.scans_len();
-        let leave_out_zeros = self.fc1.inputs_are_few(isa, chunks, rows, masks);
+        let leave_out_zeros = self.fc1.inputs_are_few(chunks, rows, masks);
         for row in 0..rows {
             if leave_out_zeros {
                 scratch

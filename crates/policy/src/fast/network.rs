@@ -228,7 +228,7 @@ impl FastNetwork {
 
     /// Masks of a chunk's `x`; 0 where nothing is left out.
     pub(super) fn masks_len(&self, chunks: &Chunks) -> usize {
-        if self.fc1.may_leave_out_zeros(self.isa, chunks.size) { self.fc1.spans() * chunks.size } else { 0 }
+        if self.fc1.may_leave_out_zeros(chunks.size) { self.fc1.spans() * chunks.size } else { 0 }
     }
 
     /// The outputs, and how the batch was cut unless it is empty; `keep` says whether a backward pass may follow.

@@ -1,65 +1,92 @@
 //! Products that leave out what a ReLU made zero.
 //!
-//! Behind a ReLU about half of the activations are zero, and of the gradients that come back through it two thirds. A
-//! dense product multiplies them all the same. Here one bit for each value of a row says whether it is zero; those that are
-//! not are broadcast, one after the other, and multiplied by 64 values of the other operand, which stay in the first-level
-//! cache. That reads an operand of the multiply-add from memory each time, where the dense tiles of
-//! [`rows`](crate::rows) keep it in a register for 14 rows, so it pays where the share of values that are not zero is below
-//! `DENSE`; above it the dense product is used.
+//! Behind a ReLU about half of the activations are zero, and of the gradients that come back
+//! through it two thirds. A dense product multiplies them all the same. Here each value of a row
+//! that is not zero has a bit in a mask; those values are broadcast, one after the other, and
+//! multiplied by 64 values of the other operand, which stay in the first-level cache. That reads an
+//! operand of the multiply-add from memory each time, where the dense tiles of
+//! [`rows`](crate::rows) keep it in a register for 14 rows, so it pays where the share of values
+//! that are not zero is below `DENSE`; above it the dense product is used.
 //!
 //! # The same bits
 //!
-//! Sums are made in the order of the dense products, and a term that is left out would have added a zero to a sum that is
-//! no negative zero. So which of the two is used changes no bit of a finite result (test
-//! `products_that_leave_out_zeros_have_the_bits_of_those_that_do_not`). Plain Rust has no such product and uses the dense one
-//! always.
+//! Sums are made in the order of the dense products, and a term that is left out would have added a
+//! zero to a sum that is no negative zero. So which of the two is used changes no bit of a finite
+//! result (test `products_that_leave_out_zeros_have_the_bits_of_those_that_do_not`).
 //!
 //! # Shapes
 //!
 //! A *span* is 64 features, outputs or rows: the bits of a mask, and four blocks of 16.
+//!
+//! # One body
+//!
+//! `span_body` and `sample_body` have the products for registers of any width, which `avx512`,
+//! `avx2` and `plain` below compile. One row or column is taken at a time, its 64 sums in
+//! registers. While the sums of one wait for each other, the processor is already at the next, for
+//! no branch depends on a sum. Each register that a value is multiplied by is read from the
+//! first-level cache: with AVX2 two a cycle, as many as a core can multiply and add anyway.
 
-use crate::Isa;
+mod masks;
+mod operands;
+mod sample;
+mod sample_body;
+mod span_body;
+
+pub use masks::SampleMasks;
+pub(crate) use operands::{After, QUARTERS, SPAN, SpanGradient, SpanProduct};
+pub use operands::{SampleForward, SampleGradient};
+
 use crate::blocked::{BLOCK, Chunks};
-use crate::isa::Level;
-use crate::rows::{Grid, PANEL, Start};
+use crate::dispatch::{Isa, on_set};
+use crate::operands::{PANEL, Start};
 
-/// Features that a value is multiplied by, and bits of a mask: four registers of AVX-512, eight of AVX2.
-pub(crate) const SPAN: usize = 64;
-/// Blocks of a span.
-pub(crate) const QUARTERS: usize = SPAN / BLOCK;
-/// Above this share of values that are not zero the dense product is faster. Measured at 4096 × 256 on a processor with one
-/// 512-bit multiply-add a cycle: about 1.4 times faster at a share of 0.5, even at 0.7 to 0.75. conv2's backward pass of a
-/// sample: 7.2 µs at 0.4, 13.0 at 0.75, dense 13.8.
+/// The products for AVX-512.
+#[cfg(target_arch = "x86_64")]
+mod avx512 {
+    use crate::lanes::avx512 as lanes;
+    super::span_body::span_products!(#[target_feature(enable = "avx512f,bmi1,popcnt")]);
+    super::sample_body::sample_products!(#[target_feature(enable = "avx512f,bmi1,popcnt")]);
+}
+
+/// The products for AVX2 and FMA.
+#[cfg(target_arch = "x86_64")]
+mod avx2 {
+    use crate::lanes::avx2 as lanes;
+    super::span_body::span_products!(#[target_feature(enable = "avx2,fma,bmi1,popcnt")]);
+    super::sample_body::sample_products!(#[target_feature(enable = "avx2,fma,bmi1,popcnt")]);
+}
+
+/// The products in plain Rust.
+mod plain {
+    use crate::lanes::plain as lanes;
+    super::span_body::span_products!();
+    super::sample_body::sample_products!();
+}
+
+/// Above this share of values that are not zero the dense product is faster. Measured at 4096 × 256
+/// on a processor with one 512-bit multiply-add a cycle: about 1.4 times faster at a share of 0.5,
+/// even at 0.7 to 0.75. conv2's backward pass of a sample: 7.2 µs at 0.4, 13.0 at 0.75, dense 13.8.
 const DENSE: f64 = 0.75;
 /// Fewer rows than this are bound by reading the weights, not by arithmetic.
 const ROWS_MIN: usize = 16;
 
-/// Whether products may leave out zeros: the processor has the instructions, and there are enough rows.
-pub(crate) fn is_worth_a_look(isa: Isa, rows: usize) -> bool {
-    is_available(isa) && rows >= ROWS_MIN
+/// `true` if leaving out zeros may pay in products of `rows` rows.
+pub(crate) fn is_worth_a_look(rows: usize) -> bool {
+    rows >= ROWS_MIN
 }
 
-#[cfg(target_arch = "x86_64")]
-fn is_available(isa: Isa) -> bool {
-    matches!(isa.0, Level::Avx512 | Level::Avx2)
-}
-
-#[cfg(not(target_arch = "x86_64"))]
-fn is_available(_: Isa) -> bool {
-    false
-}
-
-/// Whether so few of `all` values have a bit in the masks that leaving out the others pays.
+/// `true` if so few of `all` values have a bit in the masks that leaving out the others pays.
 pub(crate) fn are_few<'a>(masks: impl Iterator<Item = &'a [u64]>, all: usize) -> bool {
     let kept: u32 = masks.flatten().map(|mask| mask.count_ones()).sum();
     f64::from(kept) < DENSE * all as f64
 }
 
-/// Sets bit i of mask number `span · step` where feature i of that span of a row in blocks is not zero.
+/// Sets bit i of mask number `span · step` where feature i of that span is not zero. `x` is a row
+/// in blocks, `block_stride` floats apart, with `spans` spans.
 ///
 /// # Panics
 ///
-/// If an operand is too short for so many spans.
+/// If an operand is too short for `spans` spans.
 pub(crate) fn mask_row(
     isa: Isa,
     spans: usize,
@@ -72,19 +99,12 @@ pub(crate) fn mask_row(
     assert!(x.len() >= needed, "activations: {} < {needed}", x.len());
     let masks = masks.iter_mut().step_by(step).take(spans);
     assert!(masks.len() == spans, "{} masks of {spans} spans", masks.len());
-    match isa.0 {
-        // SAFETY: an `Isa` exists only where the processor has it; the length of `x` is checked above.
-        #[cfg(target_arch = "x86_64")]
-        Level::Avx512 => unsafe { crate::avx512_sparse::mask_row(x, block_stride, masks) },
-        // SAFETY: as above.
-        #[cfg(target_arch = "x86_64")]
-        Level::Avx2 => unsafe { crate::avx2_sparse::mask_row(x, block_stride, masks) },
-        _ => unreachable!("callers ask whether this is available"),
-    }
+    // SAFETY: the length of `x` is checked above.
+    unsafe { on_set!(isa, mask_row(x, block_stride, masks)) }
 }
 
-/// One mask for each output and chunk of output gradients in blocks: number `chunk · outputs + output`. Bit i is row i of
-/// the chunk.
+/// One mask for each output and chunk of output gradients in blocks: number
+/// `chunk · outputs + output`. Bit i is row i of the chunk.
 pub(crate) fn mask_columns(isa: Isa, chunks: &Chunks, outputs: usize, dy: &[f32], masks: &mut Vec<u64>) {
     assert!(chunks.size <= SPAN && outputs.is_multiple_of(BLOCK), "{chunks:?}, {outputs} outputs");
     masks.clear();
@@ -94,58 +114,9 @@ pub(crate) fn mask_columns(isa: Isa, chunks: &Chunks, outputs: usize, dy: &[f32]
         let (chunk, block) = (block * BLOCK / outputs, block * BLOCK % outputs / BLOCK);
         let dy = &dy[chunk * chunks.chunk_len(outputs) + block * chunks.block_stride()..];
         let (dy, _) = dy[..chunks.rows(chunk) * BLOCK].as_chunks::<BLOCK>();
-        match isa.0 {
-            // SAFETY: an `Isa` exists only where the processor has it.
-            #[cfg(target_arch = "x86_64")]
-            Level::Avx512 => unsafe { crate::avx512_sparse::mask_block(dy, masks) },
-            // SAFETY: as above.
-            #[cfg(target_arch = "x86_64")]
-            Level::Avx2 => unsafe { crate::avx2_sparse::mask_block(dy, masks) },
-            _ => unreachable!("callers ask whether this is available"),
-        }
+        // SAFETY: no condition but the set.
+        unsafe { on_set!(isa, mask_block(dy, masks)) }
     }
-}
-
-/// Sets bit i of a column's mask where row i is not zero there; compiled for each set of instructions.
-#[inline]
-pub(crate) fn mask_block(rows: &[[f32; BLOCK]], masks: &mut [u64; BLOCK]) {
-    let mut own = [0; BLOCK];
-    for (bit, row) in rows.iter().enumerate() {
-        own.iter_mut().zip(row).for_each(|(mask, value)| *mask |= u64::from(*value != 0.0) << bit);
-    }
-    *masks = own;
-}
-
-/// What is done to a finished sum.
-#[derive(Debug, Clone, Copy)]
-pub(crate) enum After<'a> {
-    /// Nothing.
-    Store,
-    /// max(sum, 0).
-    Relu,
-    /// The sum where the row's mask has a bit, else 0.
-    Keep(&'a [u64]),
-}
-
-/// One span of a product of rows and 64 columns.
-#[derive(Debug)]
-pub(crate) struct SpanProduct<'a> {
-    /// The rows from the span's first block on.
-    pub(crate) x: &'a [f32],
-    /// Distance between two blocks of `x`.
-    pub(crate) block_stride: usize,
-    /// For each row, which values are not zero.
-    pub(crate) masks: &'a [u64],
-    /// Two panels of 32 columns, a row for each feature of the span.
-    pub(crate) panels: [&'a [f32]; 2],
-    /// The panels that are asked for next, to be fetched meanwhile.
-    pub(crate) next: [&'a [f32]; 2],
-    /// What the sums start from.
-    pub(crate) start: Start<'a>,
-    /// What is done to a finished sum.
-    pub(crate) after: After<'a>,
-    /// The output; four blocks of it lie `half` apart.
-    pub(crate) out: Grid<&'a mut [f32]>,
 }
 
 /// `out[row, 0..64] = after(start + Σ_i x[row, i] · panels[i, 0..64])`.
@@ -168,34 +139,8 @@ pub(crate) fn rows_times_span(isa: Isa, mut product: SpanProduct<'_>) {
     if let After::Keep(kept) = after {
         assert!(kept.len() == rows, "{} masks for {rows} rows of output", kept.len());
     }
-    match isa.0 {
-        // SAFETY: an `Isa` exists only where the processor has it; lengths are checked above.
-        #[cfg(target_arch = "x86_64")]
-        Level::Avx512 => unsafe { crate::avx512_sparse::rows(&mut product) },
-        // SAFETY: as above.
-        #[cfg(target_arch = "x86_64")]
-        Level::Avx2 => unsafe { crate::avx2_sparse::rows(&mut product) },
-        _ => unreachable!("callers ask whether this is available: {product:?}"),
-    }
-}
-
-/// A span of inputs of a weight gradient.
-#[derive(Debug)]
-pub(crate) struct SpanGradient<'a> {
-    pub(crate) chunks: &'a Chunks,
-    /// Number of outputs.
-    pub(crate) outputs: usize,
-    /// The output gradients of the batch.
-    pub(crate) dy: &'a [f32],
-    /// Which of them are not zero, as [`mask_columns`] says.
-    pub(crate) columns: &'a [u64],
-    /// The inputs of the batch from the span's first block on.
-    pub(crate) x: &'a [f32],
-    /// Distance between two chunks of inputs.
-    pub(crate) x_chunk: usize,
-    /// The gradient from the span's first input on: panels of 32 outputs, `panel_stride` apart.
-    pub(crate) gradient: &'a mut [f32],
-    pub(crate) panel_stride: usize,
+    // SAFETY: the lengths are checked above.
+    unsafe { on_set!(isa, span_rows(&mut product)) }
 }
 
 /// `gradient[output panel][input][32] = Σ_row x[row, input] · dy[row, output]`, summed as by
@@ -220,22 +165,14 @@ pub(crate) fn span_gradient(isa: Isa, mut product: SpanGradient<'_>) {
     assert!(gradient.len() >= needed, "gradient: {} < {needed}", gradient.len());
     let fits = |mask: &u64| mask >> chunks.size == 0;
     assert!(chunks.size == SPAN || columns.iter().all(fits), "rows beyond a chunk");
-    match isa.0 {
-        // SAFETY: an `Isa` exists only where the processor has it; lengths are checked above, and a mask has bits for rows
-        // of a chunk alone.
-        #[cfg(target_arch = "x86_64")]
-        Level::Avx512 => unsafe { crate::avx512_sparse::gradient(&mut product) },
-        // SAFETY: as above.
-        #[cfg(target_arch = "x86_64")]
-        Level::Avx2 => unsafe { crate::avx2_sparse::gradient(&mut product) },
-        _ => unreachable!("callers ask whether this is available: {product:?}"),
-    }
+    // SAFETY: the lengths are checked above, and a mask has bits for rows of a chunk only.
+    unsafe { on_set!(isa, span_gradient(&mut product)) }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rows::Finish;
+    use crate::operands::{Finish, Grid};
     use crate::tests::values;
     use crate::{Forward, HALF, Linear};
 
@@ -327,7 +264,7 @@ mod tests {
 
     #[test]
     fn masks_say_what_is_not_zero() {
-        Isa::available().into_iter().filter(|isa| is_available(*isa)).for_each(check_masks);
+        Isa::available().into_iter().for_each(check_masks);
     }
 
     fn check_masks(isa: Isa) {
