@@ -4,8 +4,9 @@
 //! cargo run --release -p jostle-policy --example compare_with_pytorch -- FOLDER
 //! ```
 //!
-//! FOLDER holds `forward_m1`, `forward_m5` and `ppo_m5.safetensors` in the format of the conformance set. Each line is
-//! the largest deviation; a gradient's is relative to the largest entry of its tensor.
+//! FOLDER holds `forward_m1`, `forward_m5` and `ppo_m5.safetensors` in the format of the
+//! conformance set. Each line is the largest deviation; a gradient's is relative to the largest
+//! entry of its tensor.
 
 use std::path::Path;
 

@@ -1,5 +1,5 @@
-//! Loads a trained policy and asks every behaviour what it would do in one situation: free space all around, the goal
-//! five metres ahead, the robot standing.
+//! Loads a trained policy and asks every behaviour what it would do in one situation: free space
+//! all around, the goal five metres ahead, the robot standing.
 //!
 //! ```text
 //! cargo run --release -p jostle-policy --example load_and_act -- CHECKPOINT.safetensors

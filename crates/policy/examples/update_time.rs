@@ -1,14 +1,16 @@
-//! Where an update's time goes: the learner's part alone, phase by phase, and the actor's inference.
+//! Where an update's time goes: the learner's part alone, phase by phase, and the actor's
+//! inference.
 //!
 //! ```text
 //! cargo run --release -p jostle-policy --example update_time -- [THREADS] [ROUNDS] [INSTRUCTIONS]
 //! ```
 //!
-//! One update is 640 transitions, full batch, 3 epochs each of actor, critic and two discriminators: forward, backward
-//! and Adam, 39.4 GFLOP. Figures are medians over the rounds. The rate to compare with is that of the kernels' own product on
-//! operands that stay in the first-level cache, measured in the same run: what the processor gives at its present clock.
-//! Other load on the machine moves all of them; compare ratios within one run. INSTRUCTIONS is `avx512`, `avx2` or `plain`: one set of
-//! what the processor has, instead of the widest.
+//! One update is 640 transitions, full batch, 3 epochs each of actor, critic and two
+//! discriminators: forward, backward and Adam, 39.4 GFLOP. Figures are medians over the rounds. The
+//! rate to compare with is that of the kernels' own product on operands that stay in the
+//! first-level cache, measured in the same run: what the processor gives at its present clock.
+//! Other load on the machine moves all of them; compare ratios within one run. INSTRUCTIONS is
+//! `avx512`, `avx2` or `plain`: one set of what the processor has, instead of the widest.
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -139,7 +141,8 @@ fn measure(threads: usize, rounds: usize) -> Result<(), PolicyError> {
     let trunk: f64 = TRUNK.iter().sum();
     let dense = |inputs: f64| inputs * 128.0 + 128.0 * 128.0;
 
-    // The networks one after the other, for the figures of each; then side by side, as the learner runs them.
+    // The networks one after the other, for the figures of each; then side by side, as the learner
+    // runs them.
     let mut together = Vec::new();
     let mut rates = Vec::new();
     for _ in 0..rounds {

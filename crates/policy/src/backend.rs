@@ -1,22 +1,28 @@
-//! The one place that chooses what computes the networks.
+//! The one place that chooses the back end of a network.
 //!
-//! The switch is [`Backend`], the field `backend` of a training config. Nothing is chosen in silence: asking for a
-//! device that is not there is an error.
+//! The switch is [`Backend`], the field `backend` of a training config. Nothing is chosen in
+//! silence: asking for a device that is not there is an error.
 //!
-//! [`actor`] and [`critic`] take observation rows. [`actor_of_inputs`] and [`critic_of_inputs`] are the same networks behind
-//! the [encoder](crate::encoder): a learner encodes a row once and reads it many times.
+//! [`actor`] and [`critic`] take observation rows. [`actor_of_inputs`] and [`critic_of_inputs`] are
+//! the same networks behind the [encoder](crate::encoder): a learner encodes a row once and reads
+//! it many times.
 
+use crate::config::NetworkConfig;
+use crate::encoder::Encoder;
 use crate::encoder::encoded::EncodedNetwork;
+use crate::error::PolicyError;
 use crate::fast::{FastNetwork, Mlp};
+use crate::network::{Backend, Network};
+use crate::parameters::Parameters;
 use crate::reference::{Actor, CandleNetwork, Critic, default_device};
-use crate::{Backend, Encoder, Network, NetworkConfig, Parameters, PolicyError};
 
 /// An actor: outputs `[B, 2]`, the means of v and ω, of observation rows.
 ///
 /// # Errors
 ///
-/// [`PolicyError::Config`] for sizes out of bounds, [`PolicyError::Parameters`] if the parameters are not an actor's of
-/// these sizes, [`PolicyError::Candle`] if the reference back end's device is not there.
+/// [`PolicyError::Config`] for sizes out of bounds, [`PolicyError::Parameters`] if the parameters
+/// are not an actor's of these sizes, [`PolicyError::Candle`] if the reference back end's device is
+/// not there.
 pub fn actor(
     config: &NetworkConfig,
     backend: Backend,

@@ -1,16 +1,17 @@
-//! What a network reads: observation rows and behaviour tokens, or a subset of them.
+//! The inputs of a network: observation rows and behaviour tokens, or a subset of them.
 
-use crate::PolicyError;
+use crate::error::PolicyError;
 
 /// Observation rows and their behaviour tokens.
 ///
 /// # Shapes
 ///
-/// `observations` `[N, width]` row-major, `tokens` `[N]`; `rows` `[B]` picks B of the N rows, in that order (a minibatch of a
-/// rollout, without copying it). Without `rows`, B = N.
+/// `observations` `[N, width]` row-major, `tokens` `[N]`; `rows` `[B]` picks B of the N rows, in
+/// that order (a minibatch of a rollout, without copying it). Without `rows`, B = N.
 #[derive(Debug, Clone, Copy)]
 pub struct Batch<'a> {
-    /// Rows of [`OBSERVATION_LEN`](crate::observation::OBSERVATION_LEN) values (or the network's own width).
+    /// Rows of [`OBSERVATION_LEN`](crate::observation::OBSERVATION_LEN) values (or the network's
+    /// own width).
     pub observations: &'a [f32],
     /// One behaviour token z for each row of `observations`.
     pub tokens: &'a [u32],
@@ -34,7 +35,7 @@ impl<'a> Batch<'a> {
         self.rows.map_or(self.tokens.len(), <[u32]>::len)
     }
 
-    /// Whether there is no row.
+    /// `true` if there is no row.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -60,8 +61,8 @@ impl<'a> Batch<'a> {
 
     /// Refuses a batch that a network of this input width and number of behaviours cannot read.
     ///
-    /// Networks check by this and panic on its error: a batch is made by code, not by a user. Where tokens come from
-    /// outside (a command line, a file), call it first.
+    /// Networks check by this and panic on its error: a batch is made by code, not by a user. Where
+    /// tokens come from outside (a command line, a file), call it first.
     ///
     /// # Errors
     ///

@@ -1,9 +1,10 @@
-//! The checksum of a tensor file: SHA-256 over its metadata and tensors, whatever their place in the file.
+//! The checksum of a tensor file: SHA-256 over its metadata and tensors, whatever their place in
+//! the file.
 
 use sha2::{Digest, Sha256};
 
-/// Feeds metadata (sorted by key), then tensors (sorted by name); every part is preceded by its length, so that no two
-/// contents have the same stream of bytes.
+/// Feeds metadata (sorted by key), then tensors (sorted by name); every part is preceded by its
+/// length, so that no two contents have the same stream of bytes.
 #[derive(Debug)]
 pub(crate) struct Checksum(Sha256);
 

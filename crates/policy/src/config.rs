@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::PolicyError;
 use crate::encoder::motion::{self, MotionInputs};
+use crate::error::PolicyError;
 use crate::observation::{BEAMS, FRAMES, TAIL_LEN};
 
 /// Output channels of both convolutions.
@@ -17,7 +17,8 @@ pub const CONV_STRIDE: usize = 2;
 /// Zeros put before and behind the input of both convolutions.
 pub const CONV_PADDING: usize = 1;
 
-/// The largest value accepted for any size, so that a hostile file cannot ask for more memory than there is.
+/// The largest value accepted for any size, so that a hostile file cannot ask for more memory than
+/// there is.
 const SIZE_MAX: usize = 1 << 16;
 /// The largest number of parameters that a network may have (1 GiB in `f32`).
 const PARAMETERS_MAX: usize = 1 << 28;
@@ -44,20 +45,22 @@ pub struct NetworkConfig {
     pub n_behaviours: usize,
     /// Length of a behaviour's embedding (paper: 32).
     pub embedding: usize,
-    /// Standard deviation of the embeddings at the start (PyTorch's default: 1). Larger values make the behaviours differ
-    /// more from the first update on.
+    /// Standard deviation of the embeddings at the start (PyTorch's default: 1). Larger values make
+    /// the behaviours differ more from the first update on.
     pub embedding_std: f32,
     /// Length of the laser feature behind the convolutions (paper: 256).
     pub laser_feature: usize,
     /// Length of the last hidden layer (paper: 128).
     pub hidden: usize,
-    /// Initial logarithm of the action's standard deviation, for both dimensions (as in the lineage: 0).
+    /// Initial logarithm of the action's standard deviation, for both dimensions (as in the
+    /// lineage: 0).
     pub log_std_init: f32,
     /// The network reads the nearest of each this many neighbouring beams (paper: 1, every beam).
     #[serde(skip_serializing_if = "is_one")]
     pub scan_pool: usize,
     /// With this the network reads bodies with their velocities ([`motion`]) instead of scans: a
-    /// perceptron of `laser_feature` and `hidden` units, into which the token enters as one of M ones.
+    /// perceptron of `laser_feature` and `hidden` units, into which the token enters as one of M
+    /// ones.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub motion: Option<MotionInputs>,
 }
@@ -85,8 +88,8 @@ impl Default for NetworkConfig {
 }
 
 impl NetworkConfig {
-    /// Refuses sizes of 0, sizes that no machine can hold, an `embedding_std` that is negative or not finite, and a
-    /// `log_std_init` that is not finite.
+    /// Refuses sizes of 0, sizes that no machine can hold, an `embedding_std` that is negative or
+    /// not finite, and a `log_std_init` that is not finite.
     ///
     /// # Errors
     ///
@@ -143,7 +146,7 @@ impl NetworkConfig {
         Ok(())
     }
 
-    /// What stands before the network must fit the row and the network.
+    /// The map before the network must fit the row and the network.
     fn validate_inputs(&self) -> Result<(), PolicyError> {
         let refuse = |field, found: String, expected: &str| {
             Err(PolicyError::Config { field, found, expected: expected.to_owned() })
@@ -174,7 +177,7 @@ impl NetworkConfig {
         self.frames * self.beams + TAIL_LEN
     }
 
-    /// Length of an input row: what the [encoder](crate::encoder) makes of an observation row.
+    /// Length of an input row, which the [encoder](crate::encoder) makes of an observation row.
     pub fn input_len(&self) -> usize {
         if self.motion.is_some() { motion::INPUT_LEN } else { self.frames * self.input_beams() + TAIL_LEN }
     }
@@ -199,7 +202,8 @@ impl NetworkConfig {
         CONV_CHANNELS * self.conv2_len()
     }
 
-    /// Length of what the last hidden layer reads: laser feature, goal and velocity, embedding (292).
+    /// Number of inputs of the last hidden layer: laser feature, goal and velocity, embedding
+    /// (292).
     pub fn concat_len(&self) -> usize {
         self.laser_feature + TAIL_LEN + self.embedding
     }

@@ -1,10 +1,13 @@
-//! From an observation row to what a network reads.
+//! From an observation row to the input row of a network.
 //!
-//! The paper's network reads the row as it is. Two fixed maps can stand before a smaller network (spec, section 8): the
-//! nearest of each k neighbouring beams ([`NetworkConfig::scan_pool`]), or the row's own reading of what moves
-//! ([`motion`], [`NetworkConfig::motion`]). Neither has parameters, so a rollout keeps encoded rows and encodes each once.
+//! The paper's network reads the row as it is. There can be a fixed map before a smaller network,
+//! one of two (spec, section 8): the nearest of each k neighbouring beams
+//! ([`NetworkConfig::scan_pool`]), or the row's own reading of what moves ([`motion`],
+//! [`NetworkConfig::motion`]). Neither has parameters, so a rollout keeps encoded rows and encodes
+//! each once.
 //!
-//! Reading order: this file, [`pool`], [`clusters`] (a scan in pieces), [`paths`] (where the robot can be), [`motion`].
+//! Reading order: this file, [`pool`], [`clusters`] (the pieces of a scan), [`paths`] (the robot's
+//! possible ways), [`motion`].
 
 pub mod clusters;
 pub mod encoded;
@@ -12,11 +15,10 @@ pub mod motion;
 pub mod paths;
 pub mod pool;
 
-use clusters::ClusterScratch;
-use motion::MotionEncoder;
+use motion::{MotionEncoder, MotionScratch};
 use pool::pool_row;
 
-use crate::NetworkConfig;
+use crate::config::NetworkConfig;
 
 /// The map from observation rows to input rows of one network.
 ///
@@ -39,7 +41,7 @@ pub struct Encoder {
 /// Memory that [`Encoder::encode`] reuses from row to row; its content never matters.
 #[derive(Debug, Clone, Default)]
 pub struct EncoderScratch {
-    clusters: ClusterScratch,
+    motion: MotionScratch,
 }
 
 impl Encoder {
@@ -54,7 +56,7 @@ impl Encoder {
         Self { config: config.clone(), motion }
     }
 
-    /// Whether an input row is the observation row itself.
+    /// `true` if an input row is the observation row itself.
     pub fn is_identity(&self) -> bool {
         self.motion.is_none() && self.config.scan_pool == 1
     }
@@ -73,7 +75,8 @@ impl Encoder {
     ///
     /// # Shapes
     ///
-    /// `observation` [[`observation_len`](Self::observation_len)] → `input` [[`input_len`](Self::input_len)], overwritten.
+    /// `observation` [[`observation_len`](Self::observation_len)] → `input`
+    /// [[`input_len`](Self::input_len)], overwritten.
     ///
     /// # Panics
     ///
@@ -82,7 +85,7 @@ impl Encoder {
         assert_eq!(observation.len(), self.observation_len(), "length of an observation row");
         assert_eq!(input.len(), self.input_len(), "length of an input row");
         match &self.motion {
-            Some(motion) => motion.encode(observation, &mut scratch.clusters, input),
+            Some(motion) => motion.encode(observation, &mut scratch.motion, input),
             None => pool_row(observation, self.config.scan_pool, input),
         }
     }

@@ -12,7 +12,7 @@ pub enum PolicyError {
         field: &'static str,
         /// The value that was given.
         found: String,
-        /// What would be accepted.
+        /// The values that are accepted.
         expected: String,
     },
     /// Parameters do not fit the layout that they were given for.
@@ -20,9 +20,9 @@ pub enum PolicyError {
     Parameters {
         /// The tensor (or "all" for the flat vector).
         tensor: String,
-        /// What was given.
+        /// The value that was given.
         found: String,
-        /// What the layout asks for.
+        /// The value that the layout asks for.
         expected: String,
     },
     /// A batch does not fit the network.
@@ -30,9 +30,9 @@ pub enum PolicyError {
     Batch {
         /// The field of the batch.
         field: &'static str,
-        /// What was given.
+        /// The value that was given.
         found: String,
-        /// What the network takes.
+        /// The values that the network takes.
         expected: String,
     },
     /// A file's content is not what it should be.
@@ -42,23 +42,24 @@ pub enum PolicyError {
         file: PathBuf,
         /// The tensor, the metadata key or the part of the format.
         field: String,
-        /// What stands there.
+        /// The content of the file.
         found: String,
-        /// What should stand there.
+        /// The content that is accepted.
         expected: String,
     },
-    /// A file cannot be read or written at all. The message holds the reason, which is therefore not handed on as a source.
+    /// A file cannot be read or written at all. The message holds the reason, which is therefore
+    /// not handed on as a source.
     #[error("{}: cannot {action}: {reason}", file.display())]
     Io {
         /// The file.
         file: PathBuf,
-        /// What was attempted.
+        /// The action that failed.
         action: &'static str,
         /// The system's reason.
         reason: std::io::Error,
     },
-    /// The device of the reference back end is not available, or refused an operation. The message holds candle's own, which
-    /// is therefore not handed on as a source.
+    /// The device of the reference back end is not available, or refused an operation. The message
+    /// holds candle's own, which is therefore not handed on as a source.
     #[error("candle: {0}")]
     Candle(candle_core::Error),
 }

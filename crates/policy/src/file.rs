@@ -1,14 +1,19 @@
-//! A trained policy on disk: the actor, its sizes, and where it comes from.
+//! A trained policy on disk: the actor, its sizes, and its origin.
 //!
-//! Two formats are read. A *checkpoint* is what training writes (actor, critic, discriminators, optimiser, state); of it
-//! only the actor and the metadata are used here. A *policy* holds the actor alone, in F32 or F16.
+//! Two formats are read. A *checkpoint* is written by training (actor, critic, discriminators,
+//! optimiser, state); of it only the actor and the metadata are used here. A *policy* holds only
+//! the actor, in F32 or F16.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use crate::config::NetworkConfig;
+use crate::error::PolicyError;
+use crate::layout::Layout;
+use crate::parameters::Parameters;
+use crate::provenance::Provenance;
 use crate::tensor_file::{CHECKSUM_KEY, TensorFile};
 use crate::tensor_write::{TensorOut, Values, write_tensors};
-use crate::{Layout, NetworkConfig, Parameters, PolicyError, Provenance};
 
 /// `format` of a checkpoint.
 pub const CHECKPOINT_FORMAT: &str = "jostle-checkpoint-1";
@@ -20,11 +25,12 @@ pub const POLICY_FORMAT: &str = "jostle-policy-1";
 pub enum Precision {
     /// Exact.
     F32,
-    /// Half the size; each value is rounded to 11 significant bits (relative error at most 2⁻¹¹ above 6e-5).
+    /// Half the size; each value is rounded to 11 significant bits (relative error at most 2⁻¹¹
+    /// above 6e-5).
     F16,
 }
 
-/// A policy that can act: what evaluation needs.
+/// A policy that can act.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PolicyFile {
     /// The actor's parameters.
@@ -42,9 +48,9 @@ impl PolicyFile {
     ///
     /// # Errors
     ///
-    /// [`PolicyError::Io`] if the file cannot be read; [`PolicyError::File`] with the field, what was found and what
-    /// was expected if it is no safetensors file, is truncated or changed, or does not hold the actor that its
-    /// `network` describes.
+    /// [`PolicyError::Io`] if the file cannot be read; [`PolicyError::File`] with the field, what
+    /// was found and what was expected if it is no safetensors file, is truncated or changed, or
+    /// does not hold the actor that its `network` describes.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, PolicyError> {
         let file = TensorFile::read(path.as_ref())?;
         let format = file.metadata_value("format")?;
@@ -58,13 +64,13 @@ impl PolicyFile {
         Ok(Self { actor, network, provenance: Provenance::read(&file)?, metadata: file.metadata().clone() })
     }
 
-    /// Writes the actor and the metadata, without critic, discriminators and optimiser, in one step (a file that was
-    /// there is replaced whole or not at all).
+    /// Writes the actor and the metadata, without critic, discriminators and optimiser, in one step
+    /// (a file that was there is replaced whole or not at all).
     ///
     /// # Errors
     ///
-    /// [`PolicyError::File`] if a parameter is not finite (in half precision: beyond ±65,504), [`PolicyError::Io`] if
-    /// the disk refuses.
+    /// [`PolicyError::File`] if a parameter is not finite (in half precision: beyond ±65,504),
+    /// [`PolicyError::Io`] if the disk refuses.
     pub fn write(&self, path: impl AsRef<Path>, precision: Precision) -> Result<(), PolicyError> {
         self.network.validate()?;
         self.actor.check_layout(&Layout::actor(&self.network))?;
@@ -95,7 +101,8 @@ pub fn network_json(network: &NetworkConfig) -> String {
 ///
 /// # Errors
 ///
-/// [`PolicyError::File`] if it is missing, is no JSON of a [`NetworkConfig`], or has sizes out of bounds.
+/// [`PolicyError::File`] if it is missing, is no JSON of a [`NetworkConfig`], or has sizes out of
+/// bounds.
 pub fn read_network(file: &TensorFile) -> Result<NetworkConfig, PolicyError> {
     let text = file.metadata_value("network")?;
     let refuse =

@@ -1,15 +1,15 @@
 //! The stochastic policy's action distribution: a diagonal Gaussian over (v, ω).
 //!
-//! Plain functions on two numbers, `f64` inside: they cost nothing beside the network, and the ratio of
-//! probabilities in the surrogate is a difference of logarithms that are nearly equal.
+//! Plain functions on two numbers, `f64` inside: they cost nothing beside the network, and the
+//! ratio of probabilities in the surrogate is a difference of logarithms that are nearly equal.
 //!
-//! Actions are scored as they were sampled, before they are clipped to the robot's limits: the clipped copy is executed,
-//! but its density would not be that of the sample.
+//! Actions are scored as they were sampled, before they are clipped to the robot's limits: the
+//! clipped copy is executed, but its density would not be that of the sample.
 //!
 //! # References
 //!
-//! Schulman et al. 2017, arXiv:1707.06347 (the ratio); Kullback–Leibler divergence of Gaussians: Cover and Thomas,
-//! Elements of Information Theory, chapter 8.
+//! Schulman et al. 2017, arXiv:1707.06347 (the ratio); Kullback–Leibler divergence of Gaussians:
+//! Cover and Thomas, Elements of Information Theory, chapter 8.
 
 use rand::Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -58,7 +58,8 @@ impl DiagonalGaussian {
         std::array::from_fn(|i| self.standardised(action, i) * (-f64::from(self.log_std[i])).exp())
     }
 
-    /// Gradient of [`log_prob`](Self::log_prob) with respect to the logarithm of the standard deviation.
+    /// Gradient of [`log_prob`](Self::log_prob) with respect to the logarithm of the standard
+    /// deviation.
     ///
     /// # Formula
     ///
@@ -67,7 +68,8 @@ impl DiagonalGaussian {
         std::array::from_fn(|i| self.standardised(action, i).powi(2) - 1.0)
     }
 
-    /// Differential entropy, summed over both dimensions; its gradient with respect to each `log_std` is 1.
+    /// Differential entropy, summed over both dimensions; its gradient with respect to each
+    /// `log_std` is 1.
     ///
     /// # Formula
     ///

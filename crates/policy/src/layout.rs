@@ -1,19 +1,20 @@
 //! The order of a network's parameters: names, shapes and offsets in one flat vector.
 //!
-//! The order here is *canonical*: files, optimiser states and comparisons use it. A back end may keep its own order
-//! ([`Network::to_native`](crate::Network::to_native)). Names and shapes are PyTorch's, so that a file can be read by
-//! a `torch.nn` module of the same shape. A `HashMap` of variables, as candle's `VarMap` keeps, would put the
-//! parameters in another order in each run; here the order is data.
+//! The order here is *canonical*: files, optimiser states and comparisons use it. A back end may
+//! keep its own order ([`Network::to_native`](crate::Network::to_native)). Names and shapes are
+//! PyTorch's, so that a file can be read by a `torch.nn` module of the same shape. A `HashMap` of
+//! variables, as candle's `VarMap` keeps, would put the parameters in another order in each run;
+//! here the order is data.
 
 use std::ops::Range;
 
-use crate::NetworkConfig;
-use crate::config::{CONV_CHANNELS, CONV1_KERNEL, CONV2_KERNEL};
+use crate::config::{CONV_CHANNELS, CONV1_KERNEL, CONV2_KERNEL, NetworkConfig};
 
-/// How a tensor is filled at the start.
+/// The values of a tensor before training.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Init {
-    /// Uniform in ±1/√`fan_in`: PyTorch's default for the weights and biases of linear layers and convolutions.
+    /// Uniform in ±1/√`fan_in`: PyTorch's default for the weights and biases of linear layers and
+    /// convolutions.
     Uniform {
         /// Inputs of one output.
         fan_in: usize,
@@ -36,7 +37,7 @@ pub struct Entry {
     pub shape: Vec<usize>,
     /// Index of the first value in the flat vector.
     pub offset: usize,
-    /// How it is filled at the start.
+    /// The values before training.
     pub init: Init,
 }
 
@@ -46,18 +47,18 @@ impl Entry {
         self.shape.iter().product()
     }
 
-    /// Whether there is no value.
+    /// `true` if there is no value.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Where the values stand in the flat vector.
+    /// The indices of the values in the flat vector.
     pub fn range(&self) -> Range<usize> {
         self.offset..self.offset + self.len()
     }
 }
 
-/// An ordered list of named tensors that lie one behind the other in a flat vector.
+/// An ordered list of named tensors, one behind the other in a flat vector.
 ///
 /// # Examples
 ///
@@ -75,12 +76,14 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// An empty layout, to be filled by [`push`](Self::push) and [`push_linear`](Self::push_linear).
+    /// An empty layout, to be filled by [`push`](Self::push) and
+    /// [`push_linear`](Self::push_linear).
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// The actor: trunk, one head for the mean of each action dimension, and the free log standard deviation.
+    /// The actor: trunk, one head for the mean of each action dimension, and the free log standard
+    /// deviation.
     pub fn actor(config: &NetworkConfig) -> Self {
         let mut layout = Self::trunk(config);
         layout.push_linear("mean_v", config.hidden, 1);
@@ -96,7 +99,7 @@ impl Layout {
         layout
     }
 
-    /// What actor and critic have in common, up to the last hidden layer.
+    /// The part that actor and critic have in common, up to the last hidden layer.
     fn trunk(config: &NetworkConfig) -> Self {
         let mut layout = Self::new();
         if config.motion.is_some() {
@@ -150,7 +153,7 @@ impl Layout {
         self.entries.iter().find(|entry| entry.name == name)
     }
 
-    /// Where the tensor of that name stands in the flat vector.
+    /// The indices of the tensor of that name in the flat vector.
     pub fn range(&self, name: &str) -> Option<Range<usize>> {
         self.entry(name).map(Entry::range)
     }
@@ -160,7 +163,7 @@ impl Layout {
         self.len
     }
 
-    /// Whether there is no parameter.
+    /// `true` if there is no parameter.
     pub fn is_empty(&self) -> bool {
         self.len == 0
     }

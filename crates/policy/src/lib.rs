@@ -1,9 +1,10 @@
 //! The behaviour-conditioned actor and critic: definition, parameters, inference and gradients.
 //!
-//! Reading order: [`observation`] (what goes in), [`encoder`] (what may stand before a network), [`config`] and [`layout`] (sizes, names, shapes), [`Parameters`],
-//! [`reference::model`] (the networks, layer by layer), [`Network`] (what every back end does), [`backend`] (the one
-//! place that chooses one), [`DiagonalGaussian`] (the distribution over actions), [`PolicyFile`] (a trained policy on
-//! disk).
+//! Reading order: [`observation`] (the input row), [`encoder`] (fixed maps before a network),
+//! [`config`] and [`layout`] (sizes, names, shapes), [`Parameters`], [`reference::model`] (the
+//! networks, layer by layer), [`Network`] (the interface of every back end), [`backend`] (the one
+//! place that chooses one), [`DiagonalGaussian`] (the distribution over actions), [`PolicyFile`] (a
+//! trained policy on disk).
 
 #![forbid(unsafe_code)]
 

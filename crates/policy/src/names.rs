@@ -3,10 +3,12 @@
 /// Most names that a message offers.
 const MOST: usize = 3;
 
-/// The candidates that resemble `name`, the most similar first, at most three; those that are equally similar keep their order.
+/// The candidates that resemble `name`, the most similar first, at most three; those that are
+/// equally similar keep their order.
 ///
-/// A candidate resembles the name if it contains it, or if at most a third of the letters of the longer one would have to be
-/// changed, added, left out or swapped with the next (optimal string alignment). Case does not matter.
+/// A candidate resembles the name if it contains it, or if at most a third of the letters of the
+/// longer one would have to be changed, added, left out or swapped with the next (optimal string
+/// alignment). Case does not matter.
 ///
 /// # Examples
 ///

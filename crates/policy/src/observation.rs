@@ -1,4 +1,5 @@
-//! The observation row that the simulator writes and every network reads (spec: paper section III, observation).
+//! The observation row that the simulator writes and every network reads (spec: paper section III,
+//! observation).
 //!
 //! ```text
 //! index   0 ……………………… 1535   1536   1537   1538   1539
@@ -7,8 +8,9 @@
 //!         each range/10 − 0.5    frame)
 //! ```
 //!
-//! The constants are those of the paper. A network of another [`NetworkConfig`](crate::NetworkConfig) has the same
-//! order with its own number of frames and beams.
+//! The constants are those of the paper. A network of another
+//! [`NetworkConfig`](crate::NetworkConfig) has the same order with its own number of frames and
+//! beams.
 
 /// Laser scans in an observation, oldest first.
 pub const FRAMES: usize = 3;

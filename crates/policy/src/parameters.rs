@@ -5,8 +5,9 @@ use std::sync::Arc;
 use rand::Rng;
 use rand_distr::{Distribution, StandardNormal, Uniform};
 
+use crate::config::NetworkConfig;
+use crate::error::PolicyError;
 use crate::layout::{Init, Layout};
-use crate::{NetworkConfig, PolicyError};
 
 /// Parameters in canonical order, independent of any back end.
 ///
@@ -28,8 +29,8 @@ pub struct Parameters {
 impl Parameters {
     /// Fresh parameters, drawn tensor by tensor in the layout's order from one host generator.
     ///
-    /// Weights and biases are uniform in ±1/√`fan_in`, embeddings normal, `log_std` constant. Draws are made
-    /// here and not by candle, whose CPU generator cannot be seeded.
+    /// Weights and biases are uniform in ±1/√`fan_in`, embeddings normal, `log_std` constant. Draws
+    /// are made here and not by candle, whose CPU generator cannot be seeded.
     pub fn init(layout: impl Into<Arc<Layout>>, rng: &mut impl Rng) -> Self {
         let layout = layout.into();
         let mut flat = Vec::with_capacity(layout.len());

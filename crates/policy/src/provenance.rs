@@ -1,10 +1,10 @@
-//! Where a policy comes from: what every reported number must be traceable to.
+//! The origin of a policy, to which every reported number must be traceable.
 
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use crate::PolicyError;
+use crate::error::PolicyError;
 use crate::tensor_file::TensorFile;
 
 /// The training run behind a policy, as a file's metadata holds it (one string for each field).

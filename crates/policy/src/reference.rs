@@ -1,13 +1,16 @@
 //! The reference back end: the networks as candle models, gradients by candle's autograd.
 //!
-//! This is the definition to read. Start with [`model`] (the actor and the critic, layer by layer), then [`conv`] (why
-//! the convolution is written by hand), then [`network`] (the model behind the [`Network`](crate::Network) interface).
+//! This is the definition to read. Start with [`model`] (the actor and the critic, layer by layer),
+//! then [`conv`] (why the convolution is written by hand), then [`network`] (the model behind the
+//! [`Network`](crate::Network) interface).
 //!
 //! # Departures
 //!
-//! - candle's `conv1d` is not used: in 0.11.1 its backward pass on the CPU gives wrong weight gradients, silently
-//!   (huggingface/candle #3836). `tests/gradients.rs` shows the fault and pins our own gradients.
-//! - candle's ReLU passes the gradient on where its input is exactly 0; ours, as PyTorch's, does not ([`layers::relu`]).
+//! - candle's `conv1d` is not used: in 0.11.1 its backward pass on the CPU gives wrong weight
+//!   gradients, silently (huggingface/candle #3836). `tests/gradients.rs` shows the fault and pins
+//!   our own gradients.
+//! - candle's ReLU passes the gradient on where its input is exactly 0; ours, as PyTorch's, does
+//!   not ([`layers::relu`]).
 
 pub mod conv;
 pub mod layers;
@@ -21,13 +24,14 @@ pub use weights::Weights;
 
 use candle_core::Device;
 
-use crate::PolicyError;
+use crate::error::PolicyError;
 
 /// The device of the reference back end: the first GPU if a feature compiled one in, else the CPU.
 ///
 /// # Errors
 ///
-/// If the feature `cuda` or `metal` is on and there is no such device: it never falls back in silence.
+/// If the feature `cuda` or `metal` is on and there is no such device: it never falls back in
+/// silence.
 pub fn default_device() -> Result<Device, PolicyError> {
     if cfg!(feature = "cuda") {
         Ok(Device::new_cuda(0)?)

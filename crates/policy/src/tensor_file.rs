@@ -1,8 +1,9 @@
 //! Reading a safetensors file that anybody may have made.
 //!
-//! Nothing is allocated on the word of the file: the header's length is capped and compared with the file's size
-//! before it is read, and the size of every tensor is compared with the bytes that are there (by the safetensors
-//! crate). Values are checked where they are used ([`TensorFile::f32s`]).
+//! Nothing is allocated on the word of the file: the header's length is capped and compared with
+//! the file's size before it is read, and the size of every tensor is compared with the bytes that
+//! are there (by the safetensors crate). Values are checked where they are used
+//! ([`TensorFile::f32s`]).
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -15,7 +16,9 @@ use half::f16;
 use safetensors::{Dtype, SafeTensors};
 
 use crate::checksum::Checksum;
-use crate::{Layout, Parameters, PolicyError};
+use crate::error::PolicyError;
+use crate::layout::Layout;
+use crate::parameters::Parameters;
 
 /// The longest header that is read (the safetensors crate would accept 100 MB).
 pub const HEADER_MAX: u64 = 1 << 20;
@@ -35,7 +38,7 @@ pub struct TensorFile {
     metadata: BTreeMap<String, String>,
 }
 
-/// Where a tensor stands and what it is.
+/// The place, type and shape of a tensor.
 #[derive(Debug)]
 struct Info {
     dtype: Dtype,
@@ -48,8 +51,8 @@ impl TensorFile {
     ///
     /// # Errors
     ///
-    /// [`PolicyError::Io`] if it cannot be read, [`PolicyError::File`] if it is no safetensors file, is truncated, or
-    /// is larger than the caps.
+    /// [`PolicyError::Io`] if it cannot be read, [`PolicyError::File`] if it is no safetensors
+    /// file, is truncated, or is larger than the caps.
     pub fn read(path: &Path) -> Result<Self, PolicyError> {
         let io = |action| move |reason| PolicyError::Io { file: path.to_owned(), action, reason };
         let mut file = File::open(path).map_err(io("open"))?;
@@ -105,7 +108,7 @@ impl TensorFile {
         self.tensors.keys().map(String::as_str)
     }
 
-    /// Whether there is a tensor of that name.
+    /// `true` if there is a tensor of that name.
     pub fn contains(&self, name: &str) -> bool {
         self.tensors.contains_key(name)
     }
@@ -156,11 +159,13 @@ impl TensorFile {
         }
     }
 
-    /// The parameters whose tensors are named `prefix.…`, which must be exactly those of the layout.
+    /// The parameters whose tensors are named `prefix.…`, which must be exactly those of the
+    /// layout.
     ///
     /// # Errors
     ///
-    /// [`PolicyError::File`] for a tensor that is missing, of another shape or type, not finite, or not in the layout.
+    /// [`PolicyError::File`] for a tensor that is missing, of another shape or type, not finite, or
+    /// not in the layout.
     pub fn parameters(
         &self,
         prefix: &str,
@@ -197,7 +202,8 @@ impl TensorFile {
         self.metadata.get(key).map(String::as_str).ok_or_else(missing)
     }
 
-    /// Compares the content with the metadata key `checksum`, which [`write_tensors`](crate::write_tensors) puts there.
+    /// Compares the content with the metadata key `checksum`, which
+    /// [`write_tensors`](crate::write_tensors) puts there.
     ///
     /// # Errors
     ///
@@ -220,7 +226,8 @@ impl TensorFile {
 
     /// An error about a field of this file.
     ///
-    /// What the file holds is shortened ([`excerpt`]): a hostile name or value does not fill a terminal.
+    /// Text from the file is shortened ([`excerpt`]): a hostile name or value does not fill a
+    /// terminal.
     pub fn refuse(&self, field: &str, found: impl Into<String>, expected: String) -> PolicyError {
         refusal(&self.path, field, &found.into(), expected)
     }
@@ -235,7 +242,8 @@ fn refusal(path: &Path, field: &str, found: &str, expected: String) -> PolicyErr
     PolicyError::File { file: path.to_owned(), field: excerpt(field), found: excerpt(found), expected }
 }
 
-/// Text that a file holds, fit for an error message: one line without control characters, at most 200 characters.
+/// Text from a file, fit for an error message: one line without control characters, at most 200
+/// characters.
 pub fn excerpt(text: &str) -> String {
     let clean = |c: char| if c.is_control() { ' ' } else { c };
     let mut line: String = text.chars().take(EXCERPT_MAX).map(clean).collect();

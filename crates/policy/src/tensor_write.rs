@@ -1,7 +1,9 @@
-//! Writing a safetensors file: the same content gives the same bytes, and a reader never sees half a file.
+//! Writing a safetensors file: the same content gives the same bytes, and a reader never sees half
+//! a file.
 //!
-//! The safetensors crate keeps the metadata in a hash map, whose order is another in each run; the header is therefore
-//! written here (eight bytes of length, JSON, the tensors), and read back by the crate in the tests.
+//! The safetensors crate keeps the metadata in a hash map, whose order is another in each run; the
+//! header is therefore written here (eight bytes of length, JSON, the tensors), and read back by
+//! the crate in the tests.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -12,8 +14,8 @@ use std::path::{Path, PathBuf};
 use half::f16;
 use serde_json::{Map, Value, json};
 
-use crate::PolicyError;
 use crate::checksum::Checksum;
+use crate::error::PolicyError;
 use crate::layout::Layout;
 use crate::tensor_file::{CHECKSUM_KEY, HEADER_MAX};
 
@@ -42,7 +44,8 @@ pub struct TensorOut<'a> {
 }
 
 impl<'a> TensorOut<'a> {
-    /// Every tensor of a flat vector in canonical order (parameters, or an optimiser's moments), as F32.
+    /// Every tensor of a flat vector in canonical order (parameters, or an optimiser's moments), as
+    /// F32.
     ///
     /// # Panics
     ///
@@ -92,13 +95,14 @@ impl<'a> TensorOut<'a> {
     }
 }
 
-/// Writes a safetensors file under a temporary name in the same folder, syncs it, and renames it; a file that was there
-/// is replaced whole or not at all. A metadata key `checksum` over everything is added.
+/// Writes a safetensors file under a temporary name in the same folder, syncs it, and renames it; a
+/// file that was there is replaced whole or not at all. A metadata key `checksum` over everything
+/// is added.
 ///
 /// # Errors
 ///
-/// [`PolicyError::File`] if a value is not finite or two tensors have one name, [`PolicyError::Io`] if the disk
-/// refuses; nothing is left behind then.
+/// [`PolicyError::File`] if a value is not finite or two tensors have one name, [`PolicyError::Io`]
+/// if the disk refuses; nothing is left behind then.
 ///
 /// # Panics
 ///

@@ -1,10 +1,10 @@
-//! What the encoder reads out of an observation row, on scenes made by hand, and the networks behind it.
+//! What the encoder reads out of an observation row, on scenes made by hand, and the networks
+//! behind it.
 
 use std::f32::consts::TAU;
 
 use jostle_policy::encoder::EncoderScratch;
-use jostle_policy::encoder::clusters::ClusterScratch;
-use jostle_policy::encoder::motion::{self, MotionEncoder, MotionInputs, Track};
+use jostle_policy::encoder::motion::{self, MotionEncoder, MotionInputs, MotionScratch, Track};
 use jostle_policy::encoder::paths::{DIRECTIONS, PATHS};
 use jostle_policy::{
     Backend, Batch, Encoder, Layout, Network, NetworkConfig, Parameters, PolicyError, actor, backend, critic,
@@ -43,7 +43,8 @@ impl Scene {
     }
 }
 
-/// The row of a robot that drove from the origin, straight ahead, with (v, ω) for one step, while `before` became `now`.
+/// The row of a robot that drove from the origin, straight ahead, with (v, ω) for one step, while
+/// `before` became `now`.
 fn row(before: &Scene, now: &Scene, [v, w]: [f32; 2], goal: [f32; 2]) -> Vec<f32> {
     let scan = before.scan([0.0, 0.0], 0.0);
     let mut row = [scan.clone(), scan, now.scan([v * INPUTS.dt, 0.0], w * INPUTS.dt)].concat();
@@ -52,7 +53,7 @@ fn row(before: &Scene, now: &Scene, [v, w]: [f32; 2], goal: [f32; 2]) -> Vec<f32
 }
 
 fn tracks(row: &[f32]) -> Vec<Track> {
-    MotionEncoder::new(&INPUTS, BEAMS).tracks(row, &mut ClusterScratch::default()).to_vec()
+    MotionEncoder::new(&INPUTS, BEAMS).tracks(row, &mut MotionScratch::default()).to_vec()
 }
 
 fn config() -> NetworkConfig {
@@ -82,8 +83,9 @@ fn a_person_has_the_velocity_it_walks_with_however_the_robot_moves() {
             let (sin, cos) = (own[1] * INPUTS.dt).sin_cos();
             let expected = [vx * cos + vy * sin, -vx * sin + vy * cos];
             let off = (found[0].velocity[0] - expected[0]).hypot(found[0].velocity[1] - expected[1]);
-            // Beams at 3 m are 0.037 m apart: in either scan each edge of what is seen may be off by half of that, and
-            // the mean of its points by as much; over 0.1 s that is 0.37 m/s at the very worst.
+            // Beams at 3 m are 0.037 m apart: in either scan each edge of what is seen may be off
+            // by half of that, and the mean of its points by as much; over 0.1 s that is 0.37 m/s
+            // at the very worst.
             assert!(off < 0.3, "{velocity:?} {own:?}: found {:?}, expected {expected:?}", found[0].velocity);
         }
     }
@@ -143,7 +145,7 @@ fn hostile_rows_stay_finite() {
 
 type Make = fn(&NetworkConfig, Backend, &Parameters) -> Result<Box<dyn Network>, PolicyError>;
 
-/// Both back ends, with everything that may stand before a network.
+/// Both back ends, with every encoder before a network.
 #[test]
 fn back_ends_agree_behind_every_encoder() {
     let pooled = NetworkConfig { scan_pool: 4, laser_feature: 32, hidden: 32, ..NetworkConfig::default() };

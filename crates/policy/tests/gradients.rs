@@ -1,5 +1,5 @@
-//! The gradients of the candle models, parameter tensor by parameter tensor, against central differences; and the fault
-//! of candle's own convolution that makes this test necessary.
+//! The gradients of the candle models, parameter tensor by parameter tensor, against central
+//! differences; and the fault of candle's own convolution that makes this test necessary.
 
 mod common;
 
@@ -8,7 +8,8 @@ use common::oracle::{Head, Oracle};
 use common::{noise, observations, parameters, small, tokens};
 use jostle_policy::{Backend, Batch, actor, critic};
 
-/// Central differences of the oracle's outputs (`f64`, so that the step can be small) against both gradients.
+/// Central differences of the oracle's outputs (`f64`, so that the step can be small) against both
+/// gradients.
 #[test]
 fn every_parameter_against_finite_differences() {
     const STEP: f64 = 1e-6;
@@ -48,9 +49,11 @@ fn every_parameter_against_finite_differences() {
     }
 }
 
-/// candle 0.11.1's CPU `conv1d`: the weight gradient of Σ y·d differs from its definition (huggingface/candle #3836).
+/// candle 0.11.1's CPU `conv1d`: the weight gradient of Σ y·d differs from its definition
+/// (huggingface/candle #3836).
 ///
-/// If this test fails, candle was repaired and the departure in `reference/conv.rs` can be reconsidered.
+/// If this test fails, candle was repaired and the departure in `reference/conv.rs` can be
+/// reconsidered.
 #[test]
 fn candle_conv1d_still_has_wrong_weight_gradients() {
     let (batch, inputs, outputs, len, kernel) = (2, 3, 4, 16, 5);

@@ -15,7 +15,8 @@ fn actor(seed: u64) -> Parameters {
 fn the_same_seed_gives_the_same_bits() {
     let bytes: Vec<u8> = actor(1).flat().iter().flat_map(|value| value.to_le_bytes()).collect();
     let hash = Sha256::digest(bytes);
-    // If this changes, every seed's run changes: say so under "Numbers" in the changelog, and paste the new hash here.
+    // If this changes, every seed's run changes: say so under "Numbers" in the changelog, and paste
+    // the new hash here.
     assert_eq!(hash[..8], [0xc4, 0x08, 0x3c, 0xd9, 0xeb, 0xde, 0x6b, 0x5a]);
     assert_ne!(actor(1), actor(2));
 }

@@ -1,4 +1,5 @@
-//! Policies on disk: what is written comes back, and what is no policy is refused with one clear line.
+//! Policies on disk: what is written comes back, and what is no policy is refused with one clear
+//! line.
 
 mod common;
 
@@ -114,7 +115,7 @@ fn a_failed_write_changes_nothing() {
     assert_eq!(fs::read(&path).unwrap(), before);
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "no partial file stays");
 
-    // A folder stands where the file should go: everything works but the last step.
+    // There is a folder in the place of the file: everything works but the last step.
     let taken = folder.path().join("taken");
     fs::create_dir(&taken).unwrap();
     let error = small_policy().write(&taken, Precision::F32).unwrap_err().to_string();
@@ -244,7 +245,8 @@ fn a_truncated_file_is_refused_at_every_length() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// One changed byte is refused, or changes nothing (the header's JSON can be written in more than one way).
+    /// One changed byte is refused, or changes nothing (the header's JSON can be written in more
+    /// than one way).
     #[test]
     fn a_changed_byte_is_refused(place in 0.0..1.0_f64, change in 1..=255_u8) {
         let (_folder, path, _policy) = written(Precision::F16);

@@ -1,7 +1,7 @@
-//! A scan in pieces: runs of neighbouring beams whose end points lie close together.
+//! The pieces of a scan: runs of neighbouring beams whose end points are close together.
 //!
-//! A person or a robot is a small cluster, a wall a large one. The full circle has no end: a cluster may run across the
-//! seam between the last beam and the first.
+//! A person or a robot is a small cluster, a wall a large one. The full circle has no end: a
+//! cluster may run across the seam between the last beam and the first.
 
 #![allow(clippy::inline_always, reason = "what Isa::run compiles anew must be inlined into it")]
 
@@ -9,8 +9,8 @@ use std::f64::consts::TAU;
 
 /// Neighbouring end points further apart than this belong to different clusters, m.
 pub const GAP: f32 = 0.35;
-/// A cluster that reaches further than this from its first end point is part of a wall or of several bodies, m. (A body of 0.5 m by
-/// 0.5 m has a diagonal of 0.71 m.)
+/// A cluster that reaches further than this from its first end point is part of a wall or of
+/// several bodies, m. (A body of 0.5 m by 0.5 m has a diagonal of 0.71 m.)
 pub const SIZE_MAX: f32 = 0.75;
 /// Reading of a beam that meets nothing, in the units of an observation row.
 const NOTHING: f32 = 0.5;
@@ -25,7 +25,8 @@ pub struct Cluster {
     pub first: usize,
     /// Number of beams.
     pub n: usize,
-    /// Mean of its end points in the frame of the scan, m; the first one where it is larger than [`SIZE_MAX`].
+    /// Mean of its end points in the frame of the scan, m; the first one where it is larger than
+    /// [`SIZE_MAX`].
     pub centre: [f32; 2],
     /// Least range, m.
     pub nearest: f32,
@@ -55,7 +56,7 @@ impl Beams {
         self.cos.len()
     }
 
-    /// Whether there is no beam.
+    /// `true` if there is no beam.
     pub fn is_empty(&self) -> bool {
         self.cos.is_empty()
     }
@@ -73,17 +74,8 @@ pub struct ScanClusters {
     pub clusters: Vec<Cluster>,
 }
 
-/// Memory of the encoder: the two newest scans and the bodies in them.
-#[derive(Debug, Clone, Default)]
-pub struct ClusterScratch {
-    pub(super) tracks: Vec<super::motion::Track>,
-    pub(super) before: ScanClusters,
-    pub(super) now: ScanClusters,
-    pub(super) is_track: Vec<bool>,
-}
-
 impl ScanClusters {
-    /// Reads a scan, given as an observation row holds it (range/10 − ½).
+    /// Reads a scan in the units of an observation row (range/10 − ½).
     ///
     /// # Panics
     ///
@@ -102,8 +94,9 @@ impl ScanClusters {
             ranges[beam] = range;
             points[beam] = [range * cos[beam], range * sin[beam]];
         }
-        // Whether a beam's end point belongs to the same cluster as that of the beam before it. A miss, even a pair of them, is as
-        // far away as can be; there are no short cuts, so that all beams are compared at once.
+        // `true` for a beam whose end point belongs to the same cluster as that of the beam before
+        // it. A miss, even a pair of them, is as far away as can be; there are no short cuts, so
+        // that all beams are compared at once.
         let apart = |a: usize, b: usize| {
             let missed = scan[a].max(scan[b]) >= NOTHING;
             if missed { f32::INFINITY } else { distance_sq(points[a], points[b]) }
@@ -113,7 +106,8 @@ impl ScanClusters {
             *joined = apart(beam - 1, beam) <= GAP * GAP;
         }
         self.clusters.clear();
-        // Where a cluster certainly begins; if all beams are one cluster, the circle is cut at the seam.
+        // The first beam that certainly begins a cluster; if all beams are one cluster, the circle
+        // is cut at the seam.
         let start = self.joined.iter().position(|joined| !joined).unwrap_or(0);
         let mut run: Option<(usize, usize)> = None;
         for beam in (start..n).chain(0..start) {

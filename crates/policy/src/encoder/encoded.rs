@@ -1,7 +1,9 @@
 //! A network behind its encoder: it takes observation rows, as everyone outside training has them.
 
 use super::{Encoder, EncoderScratch};
-use crate::{Batch, Layout, Network};
+use crate::batch::Batch;
+use crate::layout::Layout;
+use crate::network::Network;
 
 /// A network that encodes the rows of a batch before it reads them.
 pub struct EncodedNetwork {

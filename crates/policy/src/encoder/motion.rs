@@ -1,28 +1,29 @@
-//! Inputs in which the motion of things is explicit: bodies with their velocities, and when each way would meet them.
+//! Inputs with explicit motion: bodies with their velocities, and the time at which each path would
+//! meet them.
 //!
-//! From the observation row alone: clusters of the newest scan that are small enough to be bodies are matched with those
-//! of the scan before, which the row's (v, ω) carries into the frame of now (a velocity acts for one step at once, so this
-//! odometry is exact). A network that reads raw scans must learn all of that from pixels; the study (docs/study.md) shows
-//! what that costs.
+//! Only from the observation row: clusters of the newest scan that are small enough to be bodies
+//! are matched with those of the scan before, which the row's (v, ω) carries into the frame of now
+//! (a velocity acts for one step at once, so this odometry is exact). A network that reads raw
+//! scans must learn all of that from pixels; the study (docs/study.md) shows what that costs.
 //!
-//! | inputs | what |
+//! | inputs | meaning |
 //! |---|---|
 //! | 32 | closeness 1/(½ + r) of the nearest return in each sector of 16 beams (for 512) |
 //! | 2 × 48 | urgency of each path of [`paths`](super::paths): 1 − t/[`HORIZON`] for the time t to the first body or wall on it, else 0; for what would be a crash, then with a wider berth |
 //! | 24 | the full-speed ones of the first 48 again, counted from the goal's direction |
-//! | 1 | urgency of standing still |
+//! | 1 | urgency of staying where it is |
 //! | 8 × 7 | the eight nearest bodies: 1, x/5, y/5, closeness, velocity (m/s), approach speed; zeros where there is none |
 //! | 4 | the goal: distance/10, min(distance, 2)/2, cosine and sine of its direction |
 //! | 2 | v and ω |
 
 #![allow(clippy::inline_always, reason = "what Isa::run compiles anew must be inlined into it")]
 
+use jostle_kernels::{Isa, Work};
 use serde::{Deserialize, Serialize};
 
-use super::clusters::{Beams, Cluster, ClusterScratch, SIZE_MAX, ScanClusters, distance_sq, run_of};
+use super::clusters::{Beams, Cluster, SIZE_MAX, ScanClusters, distance_sq, run_of};
 use super::paths::{DIRECTIONS, FREE, HORIZON, Meetings, PATHS, Paths, STEPS};
 use crate::observation::TAIL_LEN;
-use jostle_kernels::{Isa, Work};
 
 /// Sectors of the scan.
 const SECTORS: usize = 32;
@@ -39,19 +40,22 @@ const MATCH: f32 = 0.25;
 const DEPTH: f32 = 0.2;
 /// Berths of paths.
 const BERTHS: usize = 2;
-/// Centres nearer than the first of these have crashed, m: the crash range and a body's half width (0.25 m, at a corner
-/// 0.35 m). The second is a berth that leaves room for someone who turns.
+/// Centres nearer than the first of these have crashed, m: the crash range and a body's half width
+/// (0.25 m, at a corner 0.35 m). The second is a berth that leaves room for someone who turns.
 const BODY_RADII: [f32; BERTHS] = [0.82, 1.3];
-/// Returns of walls nearer than the first of these have crashed, m, with a little room; the second is a wider berth.
+/// Returns of walls nearer than the first of these have crashed, m, with a little room; the second
+/// is a wider berth.
 const WALL_RADII: [f32; BERTHS] = [0.55, 0.8];
 /// Returns of walls beyond this are met by no path that matters, m.
 const WALL_REACH: f32 = 4.0;
-/// Distance of the returns of a wall that are looked at, m: discs of the first of [`WALL_RADII`] leave no gap.
+/// Distance of the returns of a wall that are looked at, m: discs of the first of [`WALL_RADII`]
+/// leave no gap.
 const WALL_SPACING: f32 = 0.25;
-/// Fewer beams than this share of a body's expected number make no body: specks of walls seen at a grazing angle.
+/// Fewer beams than this share of a body's expected number make no body: specks of walls seen at a
+/// grazing angle.
 const FEWEST_SHARE: f32 = 0.35;
 
-/// What the motion encoder must know of the robot.
+/// The properties of the robot that the motion encoder must know.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MotionInputs {
@@ -68,17 +72,28 @@ pub struct MotionInputs {
 pub struct Track {
     /// Mean of its visible points in the robot's frame, m.
     pub centre: [f32; 2],
-    /// Its velocity over ground, in the robot's frame, m/s; 0 where it was not seen in the scan before.
+    /// Its velocity over ground, in the robot's frame, m/s; 0 where it was not seen in the scan
+    /// before.
     pub velocity: [f32; 2],
     /// Least range, m.
     pub nearest: f32,
+}
+
+/// Memory of the encoder: the two newest scans and the bodies in them.
+#[derive(Debug, Clone, Default)]
+pub struct MotionScratch {
+    tracks: Vec<Track>,
+    before: ScanClusters,
+    now: ScanClusters,
+    /// For each cluster of the newest scan, `true` if it may be a body.
+    is_track: Vec<bool>,
 }
 
 /// One row's encoding.
 struct Encoding<'a> {
     encoder: &'a MotionEncoder,
     observation: &'a [f32],
-    scratch: &'a mut ClusterScratch,
+    scratch: &'a mut MotionScratch,
     input: &'a mut [f32],
 }
 
@@ -100,22 +115,22 @@ pub struct MotionEncoder {
 }
 
 impl MotionEncoder {
-    /// For scans of `beams` beams over the full circle.
+    /// An encoder of scans of `beams` beams over the full circle.
     pub fn new(inputs: &MotionInputs, beams: usize) -> Self {
         Self { inputs: *inputs, beams: Beams::new(beams), paths: Paths::new(inputs.v_max, inputs.w_max) }
     }
 
     /// Encodes one row (see the module).
-    pub(super) fn encode(&self, observation: &[f32], scratch: &mut ClusterScratch, input: &mut [f32]) {
+    pub(super) fn encode(&self, observation: &[f32], scratch: &mut MotionScratch, input: &mut [f32]) {
         self.encode_with(Isa::detect(), observation, scratch, input);
     }
 
-    fn encode_with(&self, isa: Isa, observation: &[f32], scratch: &mut ClusterScratch, input: &mut [f32]) {
+    fn encode_with(&self, isa: Isa, observation: &[f32], scratch: &mut MotionScratch, input: &mut [f32]) {
         isa.run(Encoding { encoder: self, observation, scratch, input });
     }
 
     #[inline(always)]
-    fn encode_row(&self, observation: &[f32], scratch: &mut ClusterScratch, input: &mut [f32]) {
+    fn encode_row(&self, observation: &[f32], scratch: &mut MotionScratch, input: &mut [f32]) {
         let tail = &observation[observation.len() - TAIL_LEN..];
         let &[goal_x, goal_y, v, w] = tail else { unreachable!("a tail of four values") };
         self.find_tracks(observation, scratch);
@@ -147,16 +162,16 @@ impl MotionEncoder {
     }
 
     /// The bodies of an observation row's newest scan, nearest first.
-    pub fn tracks<'a>(&self, observation: &[f32], scratch: &'a mut ClusterScratch) -> &'a [Track] {
+    pub fn tracks<'a>(&self, observation: &[f32], scratch: &'a mut MotionScratch) -> &'a [Track] {
         self.find_tracks(observation, scratch);
         &scratch.tracks
     }
 
     #[inline(always)]
-    fn find_tracks(&self, observation: &[f32], scratch: &mut ClusterScratch) {
+    fn find_tracks(&self, observation: &[f32], scratch: &mut MotionScratch) {
         let n = self.beams.len();
         let newest = observation.len() - TAIL_LEN - n;
-        let ClusterScratch { before, now, is_track, tracks } = scratch;
+        let MotionScratch { before, now, is_track, tracks } = scratch;
         before.read(&self.beams, &observation[newest - n..newest]);
         now.read(&self.beams, &observation[newest..newest + n]);
         let &[_, _, v, w] = &observation[newest + n..] else { unreachable!("a tail of four values") };
@@ -187,7 +202,7 @@ impl MotionEncoder {
         tracks.sort_by(|a, b| a.nearest.total_cmp(&b.nearest));
     }
 
-    /// Whether a cluster may be a body: small, and of enough beams for its distance.
+    /// `true` if a cluster may be a body: small, and of enough beams for its distance.
     #[inline(always)]
     fn is_body(&self, cluster: &Cluster) -> bool {
         let spacing = std::f32::consts::TAU / self.beams.len() as f32;
@@ -206,9 +221,10 @@ impl MotionEncoder {
         }
     }
 
-    /// Everything that is no body stands still; its returns count at least [`WALL_SPACING`] apart.
+    /// Brings in everything that is no body, as discs that do not move, at least [`WALL_SPACING`]
+    /// apart.
     #[inline(always)]
-    fn meet_walls(&self, scratch: &ClusterScratch, meetings: &mut [Meetings; BERTHS]) {
+    fn meet_walls(&self, scratch: &MotionScratch, meetings: &mut [Meetings; BERTHS]) {
         let (now, n) = (&scratch.now, self.beams.len());
         let walls =
             now.clusters.iter().zip(&scratch.is_track).filter(|(c, is)| !**is && c.nearest < WALL_REACH);
@@ -225,14 +241,15 @@ impl MotionEncoder {
     }
 }
 
-/// The body's centre, behind what is seen of it.
+/// The body's centre, behind its visible points.
 fn body_centre(track: &Track) -> [f32; 2] {
     let [x, y] = track.centre;
     let scale = 1.0 + DEPTH / (x * x + y * y).sqrt().max(0.1);
     [x * scale, y * scale]
 }
 
-/// 1 − t/[`HORIZON`] for the time t until a body comes within the first of [`BODY_RADII`] of a robot that stands still, else 0.
+/// 1 − t/[`HORIZON`] for the time t until a body comes within the first of [`BODY_RADII`] of a
+/// robot that does not move, else 0.
 fn standing_urgency(track: &Track) -> f32 {
     let ([x, y], [vx, vy]) = (body_centre(track), track.velocity);
     let (c, speed_sq) = (x * x + y * y - BODY_RADII[0] * BODY_RADII[0], vx * vx + vy * vy);
@@ -297,7 +314,7 @@ mod tests {
                 row.extend([uniform(-9.0, 9.0), uniform(-9.0, 9.0), uniform(0.0, 1.0), uniform(-1.0, 1.0)]);
                 let encoded = Isa::available().into_iter().map(|isa| {
                     let mut input = [0.0; INPUT_LEN];
-                    encoder.encode_with(isa, &row, &mut ClusterScratch::default(), &mut input);
+                    encoder.encode_with(isa, &row, &mut MotionScratch::default(), &mut input);
                     input.map(f32::to_bits)
                 });
                 let all: Vec<_> = encoded.collect();

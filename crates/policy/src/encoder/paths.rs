@@ -1,7 +1,9 @@
-//! Where the robot can be: one path for each direction and speed, and when something is met on it.
+//! The robot's possible ways: one path for each direction and speed, and the first time at which
+//! something is met on it.
 //!
-//! A path turns towards its direction at the largest turning rate and goes on straight; while it turns, its speed is that of
-//! the path times the cosine of what is left to turn (0 beyond a right angle). All paths are fixed in the robot's frame.
+//! A path turns towards its direction at the largest turning rate and goes on straight; while it
+//! turns, its speed is that of the path times the cosine of the angle that is left (0 beyond a
+//! right angle). All paths are fixed in the robot's frame.
 
 #![allow(clippy::inline_always, reason = "what Isa::run compiles anew must be inlined into it")]
 
@@ -31,7 +33,8 @@ pub struct Paths {
     reach: [f32; STEPS],
 }
 
-/// When each path first meets something, in steps (1 to [`STEPS`]); [`FREE`] where it meets nothing.
+/// The time at which each path first meets something, in steps (1 to [`STEPS`]); [`FREE`] where it
+/// meets nothing.
 pub type Meetings = [f32; PATHS];
 
 /// A path that meets nothing within its horizon.
@@ -55,8 +58,8 @@ impl Paths {
         Self { x, y, reach }
     }
 
-    /// Brings in a disc that moves in a straight line: paths that come within a radius of its centre meet it. Each of `meetings`
-    /// has its own radius.
+    /// Brings in a disc that moves in a straight line: paths that come within a radius of its
+    /// centre meet it. Each of `meetings` has its own radius.
     ///
     /// `centre` (m) and `velocity` (m/s) are in the robot's frame as it is now, which stays.
     #[inline(always)]
@@ -122,7 +125,7 @@ mod tests {
 
     const ALL_FREE: Meetings = [FREE; PATHS];
 
-    /// When each path meets one disc.
+    /// The time at which each path meets one disc, in steps.
     fn meet(centre: [f32; 2], velocity: [f32; 2], radius: f32) -> Meetings {
         let mut meetings = [ALL_FREE];
         Paths::new(1.0, 1.0).meet(centre, velocity, [radius], &mut meetings);
@@ -144,7 +147,8 @@ mod tests {
     #[test]
     fn a_standing_disc_is_met_when_it_is_reached() {
         let meetings = meet([2.0, 0.0], [0.0, 0.0], 0.8);
-        // Straight on at 1 m/s the rim, 1.2 m ahead, is passed at 1.25 s; at half speed at 2.5 s; backwards never.
+        // Straight on at 1 m/s the rim, 1.2 m ahead, is passed at 1.25 s; at half speed at 2.5 s;
+        // backwards never.
         assert_eq!((meetings[0], meetings[DIRECTIONS], meetings[DIRECTIONS / 2]), (5.0, 10.0, FREE));
     }
 
@@ -153,7 +157,7 @@ mod tests {
         // From the left, 2 m ahead: both are at (2, 0) after 2 s.
         let met = meet([2.0, 2.0], [0.0, -1.0], 0.5)[0] * STEP as f32;
         assert!((1.4..=2.0).contains(&met), "{met}");
-        // Had it stood still, straight on would be free.
+        // If it did not move, straight on would be free.
         assert_eq!(meet([2.0, 2.0], [0.0, 0.0], 0.5)[0], FREE);
     }
 

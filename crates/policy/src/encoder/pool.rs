@@ -1,11 +1,12 @@
 //! Scan pooling: the nearest of each k neighbouring beams.
 //!
-//! The nearest, not the mean: what is near and narrow must not vanish between two far beams.
+//! The nearest, not the mean: a thing that is near and narrow must not vanish between two far
+//! beams.
 
 use crate::observation::TAIL_LEN;
 
-/// Writes a row whose beams are the nearest of each `k` neighbours of the observation's; the last four values (goal and
-/// velocity) are copied. Input beam i covers beams k·i to k·i + k − 1.
+/// Writes a row whose beams are the nearest of each `k` neighbours of the observation's; the last
+/// four values (goal and velocity) are copied. Input beam i covers beams k·i to k·i + k − 1.
 ///
 /// # Shapes
 ///

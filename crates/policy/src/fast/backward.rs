@@ -1,17 +1,19 @@
 //! Actor and critic: the backward pass.
 //!
-//! First chunk by chunk, from the outputs to the scans: the gradient of every layer's input, masked by the ReLU in front
-//! of it as it is written, and the gradients of convolutions and embedding, which each chunk sums for itself. Then,
-//! over the whole batch, the weight gradients of the linear layers; last the chunks' sums are added in the order of the
-//! chunks.
+//! First chunk by chunk, from the outputs to the scans: the gradient of every layer's input, masked
+//! by the ReLU in front of it as it is written, and the gradients of convolutions and embedding,
+//! which each chunk sums for itself. Then, over the whole batch, the weight gradients of the linear
+//! layers; last the chunks' sums are added in the order of the chunks.
+
+use jostle_kernels::{BLOCK, Chunks, Finish, Grid, HALF, PANEL, for_each_piece};
 
 use super::conv::{ConvParts, Convolutions};
 use super::network::{FastNetwork, Pool, Scratch};
 use crate::config::CONV2_KERNEL;
 use crate::observation::TAIL_LEN;
-use jostle_kernels::{BLOCK, Chunks, Finish, Grid, HALF, PANEL, for_each_piece};
 
-/// Floats between the rows of a chunk's gradient beyond its features, so that rows do not share sets of the cache.
+/// Floats between the rows of a chunk's gradient beyond its features, so that rows do not share
+/// sets of the cache.
 const ROW_GAP: usize = 2 * BLOCK;
 
 /// One chunk's memory in a backward pass.
@@ -202,7 +204,7 @@ impl FastNetwork {
     }
 }
 
-/// What the forward pass kept for all chunks, and the gradient that comes in.
+/// The memory that the forward pass kept for all chunks, and the gradient that comes in.
 struct Kept<'a> {
     scans: &'a [f32],
     x: &'a [f32],

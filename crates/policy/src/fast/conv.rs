@@ -1,8 +1,9 @@
 //! The two convolutions of the trunk, one sample at a time, channels last.
 //!
-//! Both have stride 2 and padding 1. With channels last and rows of zeros around, the window of a position is one
-//! contiguous slice, and the windows of consecutive positions are rows a fixed distance apart: a convolution is a
-//! product of overlapping rows and a panel of 32 output channels. Nothing is gathered.
+//! Both have stride 2 and padding 1. With channels last and rows of zeros around, the window of a
+//! position is one contiguous slice, and the windows of consecutive positions are rows a fixed
+//! distance apart: a convolution is a product of overlapping rows and a panel of 32 output
+//! channels. Nothing is gathered.
 //!
 //! | | left operand | distance of rows |
 //! |---|---|---|
@@ -11,18 +12,18 @@
 //! | input gradient of conv2, even rows | gradients of two neighbours, 64 values | 32 |
 //! | input gradient of conv2, odd rows | gradient of one position, 32 values | 32 |
 //!
-//! Row r of the padded output of conv1 (position r − 1) is read by position ⌊r/2⌋ with kernel index r mod 2 and, for
-//! even r, by position r/2 − 1 with kernel index 2.
+//! Row r of the padded output of conv1 (position r − 1) is read by position ⌊r/2⌋ with kernel index
+//! r mod 2 and, for even r, by position r/2 − 1 with kernel index 2.
 //!
-//! conv1 is computed again in the backward pass: 2.6 % more arithmetic instead of 21 MB written and read for 640 samples.
-//! conv1 needs no input gradient.
+//! conv1 is computed again in the backward pass: 2.6 % more arithmetic instead of 21 MB written and
+//! read for 640 samples. conv1 needs no input gradient.
 
-use crate::NetworkConfig;
-use crate::config::{CONV_CHANNELS, CONV1_KERNEL, CONV2_KERNEL};
 use jostle_kernels::{
     AlignedVec, BLOCK, Count, Finish, Grid, HALF, Isa, PANEL, SampleForward, SampleGradient, SampleMasks,
     Start, Steps, Strips, outer_products, rows_times_panel,
 };
+
+use crate::config::{CONV_CHANNELS, CONV1_KERNEL, CONV2_KERNEL, NetworkConfig};
 
 // The kernels are made for 32 channels, one panel.
 const _: () = assert!(CONV_CHANNELS == PANEL);
@@ -45,7 +46,8 @@ pub(super) struct Convolutions {
     len2: usize,
 }
 
-/// Parameters (or gradients) of both convolutions: `[frame][kernel][channel]`, bias, `[kernel][input][channel]`, bias.
+/// Parameters (or gradients) of both convolutions: `[frame][kernel][channel]`, bias,
+/// `[kernel][input][channel]`, bias.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ConvParts<T> {
     pub(super) weight1: T,
@@ -59,11 +61,11 @@ pub(super) struct ConvParts<T> {
 pub(super) struct ConvScratch {
     /// Output of conv1 with a row of zeros at either end.
     hidden: AlignedVec,
-    /// Which of its values are not zero.
+    /// A bit for each of its values that is not zero.
     rows: Vec<u32>,
     /// Its gradient.
     d_hidden: AlignedVec,
-    /// Which of a sample's gradients behind conv2 are not zero.
+    /// A bit for each of a sample's gradients behind conv2 that is not zero.
     pub(super) masks: SampleMasks,
     /// A sample's sums of conv2's weight gradient where zeros are left out.
     sums: AlignedVec,
@@ -108,7 +110,8 @@ impl Convolutions {
         }
     }
 
-    /// Copies an observation's scans, each behind one zero. What lies behind a scan is zero from the start.
+    /// Copies an observation's scans, each behind one zero. What lies behind a scan is zero from
+    /// the start.
     pub(super) fn pad(&self, observation: &[f32], padded: &mut [f32]) {
         let scans = observation[..self.frames * self.beams].chunks_exact(self.beams);
         for (scan, padded) in scans.zip(padded.chunks_exact_mut(self.scan_stride)) {
@@ -129,7 +132,8 @@ impl Convolutions {
         rows_times_panel::<CONV1_ROW>(isa, self.len1, a, parameters.weight1, start, Finish::Relu, out);
     }
 
-    /// Both convolutions of one sample; conv2 leaves out zeros where that is faster. `out` is where the chunk's blocks of this sample begin.
+    /// Both convolutions of one sample; conv2 leaves out zeros where that is faster. `out` begins
+    /// with the row of this sample in the chunk's first block.
     pub(super) fn forward(
         &self,
         isa: Isa,
@@ -154,9 +158,9 @@ impl Convolutions {
 
     /// Adds one sample's gradients; `d_out` `[len2, 32]` is already behind the ReLU of conv2.
     ///
-    /// `transposed2` is [`transpose2`](Self::transpose2) of the present weights. If zeros are to be left out, the scratch
-    /// memory has the sample's masks, and the gradient of conv2's weights stays there until
-    /// [`take_weight2`](Self::take_weight2).
+    /// `transposed2` is [`transpose2`](Self::transpose2) of the present weights. If zeros are to be
+    /// left out, the scratch memory has the sample's masks, and the gradient of conv2's weights
+    /// stays there until [`take_weight2`](Self::take_weight2).
     #[allow(clippy::too_many_arguments)] // What the forward pass kept, what comes in, what goes out.
     pub(super) fn backward(
         &self,
@@ -195,7 +199,8 @@ impl Convolutions {
         add_rows(d_hidden, gradient.bias1);
     }
 
-    /// Adds what samples have left in the scratch memory to the gradient of conv2's weights, and leaves zeros there.
+    /// Adds what samples have left in the scratch memory to the gradient of conv2's weights, and
+    /// leaves zeros there.
     pub(super) fn take_weight2(scratch: &mut ConvScratch, gradient: &mut [f32]) {
         let window = CONV2_KERNEL * CONV_CHANNELS;
         for (channel, of_channel) in scratch.weight2.chunks_exact_mut(window).enumerate() {
@@ -225,11 +230,13 @@ impl Convolutions {
             let out = Grid { data: &mut d_hidden[at..], row: CONV2_ROW, half: HALF };
             rows_times_panel::<CONV_CHANNELS>(isa, rows, a, weights, Start::Zero, finish, out);
         };
-        // Rows 1, 3, …: kernel index 1 alone.
+        // Rows 1, 3, …: only kernel index 1.
         product(1, self.len2, d_out, CONV_CHANNELS, &transposed2[2 * square..]);
-        // Rows 2, 4, … between two positions: kernel index 2 of the one before, 0 of the one behind.
+        // Rows 2, 4, … between two positions: kernel index 2 of the one before, 0 of the one
+        // behind.
         product(2, self.len2 - 1, d_out, 2 * CONV_CHANNELS, transposed2);
-        // An even number of rows ends with one that has a single reader; for 512 beams (255 rows) there is none.
+        // An even number of rows ends with one that has a single reader; for 512 beams (255 rows)
+        // there is none.
         if 2 * self.len2 == self.len1 {
             product(self.len1, 1, &d_out[(self.len2 - 1) * CONV_CHANNELS..], CONV_CHANNELS, transposed2);
         }
@@ -265,7 +272,8 @@ mod tests {
     use super::*;
     use crate::fast::tests::values;
 
-    /// One chunk of samples of which this share of the gradients is not zero: the gradient of all parameters, in bits.
+    /// One chunk of samples of which this share of the gradients is not zero: the gradient of all
+    /// parameters, in bits.
     fn gradient(isa: Isa, beams: usize, share: f32, leave_out_zeros: bool) -> Vec<u32> {
         let config = NetworkConfig { beams, ..NetworkConfig::default() };
         let conv = Convolutions::new(&config);
@@ -314,8 +322,8 @@ mod tests {
         parts.iter().flatten().map(|value| value.to_bits()).collect()
     }
 
-    /// conv2 of so many positions, of whose inputs this share is not zero, written row by row: in bits, without and with
-    /// zeros.
+    /// conv2 of so many positions, of whose inputs this share is not zero, written row by row: in
+    /// bits, without and with zeros.
     fn outputs(isa: Isa, positions: usize, share: f32) -> [Option<Vec<u32>>; 2] {
         let (weights, bias) = (values(TRANSPOSED2_LEN, 1), values(PANEL, 2));
         let keep = values((2 * positions + 1) * CONV_CHANNELS, 3);
@@ -351,7 +359,8 @@ mod tests {
                 }
                 assert_eq!(outputs(isa, positions, 1.0)[0], None);
             }
-            // 6, 6, 76, 128 and 128 positions; with 25 and 513 beams the last row has a single reader.
+            // 6, 6, 76, 128 and 128 positions; with 25 and 513 beams the last row has a single
+            // reader.
             for beams in [24, 25, 304, 512, 513] {
                 for share in [0.0, 0.3, 1.0] {
                     let found = gradient(isa, beams, share, true);

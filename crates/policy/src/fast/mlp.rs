@@ -1,18 +1,25 @@
-//! A multi-layer perceptron with two hidden ReLU layers: the shape of both discriminators, and of actor and critic where
-//! they read bodies with their velocities ([`crate::encoder::motion`]).
+//! A multi-layer perceptron with two hidden ReLU layers: the shape of both discriminators, and of
+//! actor and critic where they read bodies with their velocities ([`crate::encoder::motion`]).
 
 use std::sync::Arc;
 
-use super::network::Activation;
-use super::permutation::Permutation;
-use crate::{Batch, Layout, Network, NetworkConfig, Parameters, PolicyError};
 use jostle_kernels::{AlignedVec, BLOCK, Chunks, Finish, Forward, Grid, Head, Isa, Linear, for_each_piece};
 
-/// inputs → hidden (ReLU) → hidden (ReLU) → outputs, with tensors `fc1`, `fc2` and the heads (`out`, or those of an actor
-/// or a critic).
+use super::network::Activation;
+use super::permutation::Permutation;
+use crate::batch::Batch;
+use crate::config::NetworkConfig;
+use crate::error::PolicyError;
+use crate::layout::Layout;
+use crate::network::Network;
+use crate::parameters::Parameters;
+
+/// inputs → hidden (ReLU) → hidden (ReLU) → outputs, with tensors `fc1`, `fc2` and the heads
+/// (`out`, or those of an actor or a critic).
 ///
-/// A batch's observations are rows of `inputs` values. A discriminator does not read the tokens, but there is one for
-/// each row; actor and critic read the token z as the z-th of M further inputs being 1.
+/// A batch's observations are rows of `inputs` values. A discriminator does not read the tokens,
+/// but there is one for each row; actor and critic read the token z as the z-th of M further inputs
+/// being 1.
 ///
 /// # Examples
 ///
@@ -47,12 +54,12 @@ pub struct Mlp {
     kept: Option<Chunks>,
 }
 
-/// What tells the perceptrons apart.
+/// The sizes in which perceptrons differ.
 struct Shape {
     inputs: usize,
     n_tokens: usize,
     hidden: [usize; 2],
-    /// Where each output's weights and bias stand in the flat vector.
+    /// Indices of each output's weights and bias in the flat vector.
     heads: Vec<(usize, usize)>,
     activations: Vec<Activation>,
 }
@@ -69,7 +76,7 @@ struct Memory {
     d_y: AlignedVec,
     /// Outputs `[B, n_outputs]` behind their activations.
     outputs: Vec<f32>,
-    /// Which of `d_h1` are not zero: a mask for each unit and chunk.
+    /// A bit for each value of `d_h1` that is not zero: a mask for each unit and chunk.
     columns: Vec<u64>,
 }
 
@@ -132,11 +139,11 @@ impl Mlp {
     ///
     /// # Errors
     ///
-    /// [`PolicyError::Config`] if `laser_feature` or `hidden` is no multiple of 32, [`PolicyError::Parameters`] if the
-    /// parameters are not an actor's of this shape.
+    /// [`PolicyError::Config`] if `laser_feature` or `hidden` is no multiple of 32,
+    /// [`PolicyError::Parameters`] if the parameters are not an actor's of this shape.
     pub fn actor(config: &NetworkConfig, parameters: &Parameters) -> Result<Self, PolicyError> {
         let heads = [("mean_v", Activation::Sigmoid), ("mean_w", Activation::Tanh)];
-        Self::of_policy(config, Layout::actor(config), &heads, parameters, Isa::detect())
+        Self::for_policy(config, Layout::actor(config), &heads, parameters, Isa::detect())
     }
 
     /// A critic that reads bodies with their velocities.
@@ -146,10 +153,10 @@ impl Mlp {
     /// As [`actor`](Self::actor).
     pub fn critic(config: &NetworkConfig, parameters: &Parameters) -> Result<Self, PolicyError> {
         let heads = [("value", Activation::Identity)];
-        Self::of_policy(config, Layout::critic(config), &heads, parameters, Isa::detect())
+        Self::for_policy(config, Layout::critic(config), &heads, parameters, Isa::detect())
     }
 
-    pub(super) fn of_policy(
+    pub(super) fn for_policy(
         config: &NetworkConfig,
         layout: Layout,
         heads: &[(&str, Activation)],

@@ -1,10 +1,13 @@
-//! The fast back end: actor, critic and multi-layer perceptrons on the [`kernels`](jostle_kernels), for any CPU.
+//! The fast back end: actor, critic and multi-layer perceptrons on the [`kernels`](jostle_kernels),
+//! for any CPU.
 //!
-//! Reading order: `conv` (the convolutions), [`network`] (forward pass), `backward`, [`mlp`] (for discriminators).
+//! Reading order: `conv` (the convolutions), [`network`] (forward pass), `backward`, [`mlp`] (for
+//! discriminators).
 //!
-//! Architecture invariant: no graph, no tape and no tensor type; a network is a fixed sequence of products over memory
-//! that is allocated at the first batch and kept. Parameters, gradient and the optimiser's moments live in the order
-//! that the kernels read (native); files and comparisons see canonical order alone.
+//! Architecture invariant: no graph, no tape and no tensor type; a network is a fixed sequence of
+//! products over memory that is allocated at the first batch and kept. Parameters, gradient and the
+//! optimiser's moments live in the order that the kernels read (native); files and comparisons see
+//! only canonical order.
 
 mod backward;
 mod conv;
@@ -18,8 +21,9 @@ mod tests;
 pub use mlp::Mlp;
 pub use network::FastNetwork;
 
-use crate::PolicyError;
 use jostle_kernels::PANEL;
+
+use crate::error::PolicyError;
 
 /// Refuses a layer's width that the kernels cannot hold in panels.
 fn check_width(field: &'static str, found: usize) -> Result<(), PolicyError> {

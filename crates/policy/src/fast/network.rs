@@ -1,21 +1,26 @@
 //! Actor and critic: forward pass and the [`Network`] interface.
 //!
-//! The actor has two outputs (sigmoid, tanh), the critic one; all else is the same. A batch is cut into chunks, and one
-//! task takes a chunk from the observation to the output while its activations are in the second-level cache.
-//! The backward pass is in `backward.rs`.
+//! The actor has two outputs (sigmoid, tanh), the critic one; all else is the same. A batch is cut
+//! into chunks, and one task takes a chunk from the observation to the output while its activations
+//! are in the second-level cache. The backward pass is in `backward.rs`.
 
 use std::sync::{Arc, Mutex};
 
-use super::conv::{ConvParts, ConvScratch, Convolutions, TRANSPOSED2_LEN};
-use super::permutation::Permutation;
-use crate::config::{CONV1_KERNEL, CONV2_KERNEL};
-use crate::observation::TAIL_LEN;
-use crate::{Batch, Layout, Network, NetworkConfig, Parameters, PolicyError};
 use jostle_kernels::{
     AlignedVec, BLOCK, Chunks, Forward, Head, Isa, Linear, PANEL, for_each_piece, prefetch,
 };
 
-/// What follows a head's output.
+use super::conv::{ConvParts, ConvScratch, Convolutions, TRANSPOSED2_LEN};
+use super::permutation::Permutation;
+use crate::batch::Batch;
+use crate::config::{CONV1_KERNEL, CONV2_KERNEL, NetworkConfig};
+use crate::error::PolicyError;
+use crate::layout::Layout;
+use crate::network::Network;
+use crate::observation::TAIL_LEN;
+use crate::parameters::Parameters;
+
+/// The function of a head's output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Activation {
     Identity,
@@ -65,11 +70,11 @@ pub struct FastNetwork {
     pub(super) transposed: Transposed,
     pub(super) memory: Memory,
     pub(super) pool: Pool,
-    /// How the batch of the last `forward` was cut; `None` when nothing is kept.
+    /// The division of the batch of the last `forward`; `None` when nothing is kept.
     pub(super) kept: Option<Chunks>,
 }
 
-/// Where the tensors of the trunk start in the flat vector.
+/// Index of the first value of each tensor of the trunk in the flat vector.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Offsets {
     pub(super) fc1_weight: usize,
@@ -109,9 +114,11 @@ pub(super) struct Memory {
     pub(super) d_feature: AlignedVec,
     /// Each chunk's gradient of the convolutions and of the embedding.
     pub(super) partial: AlignedVec,
-    /// Which of `x` are not zero: a mask for each span and row of a chunk. Empty where nothing is left out.
+    /// A bit for each value of `x` that is not zero: a mask for each span and row of a chunk. Empty
+    /// where nothing is left out.
     pub(super) masks: Vec<u64>,
-    /// Which of the laser feature's gradient are not zero: a mask for each output.
+    /// A bit for each value of the laser feature's gradient that is not zero: a mask for each
+    /// output.
     pub(super) columns: Vec<u64>,
 }
 
@@ -124,13 +131,14 @@ pub(super) struct Scratch {
     x: AlignedVec,
     /// Gradient of a chunk's convolution outputs.
     pub(super) d_x: AlignedVec,
-    /// Gradient of what stands behind the laser feature in fc2's input.
+    /// Gradient of fc2's inputs behind the laser feature.
     pub(super) d_tail: AlignedVec,
-    /// Which of a chunk's gradient of the laser feature are not zero.
+    /// A bit for each value of a chunk's gradient of the laser feature that is not zero.
     pub(super) masks: Vec<u64>,
 }
 
-/// Scratch memory that tasks borrow; every task overwrites what it reads, so that it does not matter which it gets.
+/// Scratch memory that tasks borrow; every task overwrites what it reads, so that it does not
+/// matter which it gets.
 #[derive(Debug, Default)]
 pub(super) struct Pool(Mutex<Vec<Scratch>>);
 
@@ -157,8 +165,8 @@ impl FastNetwork {
     ///
     /// # Errors
     ///
-    /// [`PolicyError::Config`] if `laser_feature` or `hidden` is no multiple of 32, [`PolicyError::Parameters`] if the
-    /// parameters are not an actor's of this shape.
+    /// [`PolicyError::Config`] if `laser_feature` or `hidden` is no multiple of 32,
+    /// [`PolicyError::Parameters`] if the parameters are not an actor's of this shape.
     pub fn actor(config: &NetworkConfig, parameters: &Parameters) -> Result<Self, PolicyError> {
         let heads = [("mean_v", Activation::Sigmoid), ("mean_w", Activation::Tanh)];
         Self::new(config, Layout::actor(config), &heads, parameters, Isa::detect())
@@ -231,7 +239,8 @@ impl FastNetwork {
         if self.fc1.may_leave_out_zeros(chunks.size) { self.fc1.spans() * chunks.size } else { 0 }
     }
 
-    /// The outputs, and how the batch was cut unless it is empty; `keep` says whether a backward pass may follow.
+    /// The outputs, and how the batch was cut unless it is empty; `keep` says whether a backward
+    /// pass may follow.
     fn outputs_of(&mut self, batch: Batch<'_>, keep: bool, outputs: &mut [f32]) -> Option<Chunks> {
         assert_eq!(outputs.len(), batch.len() * self.n_outputs(), "outputs of {} rows", batch.len());
         self.kept = None;
@@ -243,8 +252,9 @@ impl FastNetwork {
         Some(chunks)
     }
 
-    /// Computes the outputs into `memory`. Without a backward pass to `keep` them for, padded scans and convolutions' outputs
-    /// are in a task's scratch memory, where the second-level cache holds them for the next chunk.
+    /// Computes the outputs into `memory`. Without a backward pass to `keep` them for, padded scans
+    /// and convolutions' outputs are in a task's scratch memory, where the second-level cache holds
+    /// them for the next chunk.
     fn run(&mut self, batch: Batch<'_>, keep: bool) -> Chunks {
         let width = self.config.input_len();
         if let Err(error) = batch.check(width, self.config.n_behaviours) {
@@ -318,7 +328,7 @@ struct ForwardPart<'a> {
     outputs: &'a mut [f32],
 }
 
-/// What all tasks of a forward pass read.
+/// The data that all tasks of a forward pass read.
 struct Model<'a> {
     isa: Isa,
     config: &'a NetworkConfig,

@@ -1,6 +1,6 @@
 //! From canonical order to the order of the kernels, and back.
 
-/// Where each canonical parameter stands in native order.
+/// The index of each canonical parameter in native order.
 #[derive(Debug, Clone)]
 pub(super) struct Permutation {
     native: Vec<u32>,
@@ -12,8 +12,8 @@ impl Permutation {
         Self { native: (0..u32::try_from(len).expect("a network has less than 2³² parameters")).collect() }
     }
 
-    /// Reorders the tensor that starts at `offset`: its canonical value `idx` goes to `native_index(idx)`, both counted
-    /// from the tensor's start.
+    /// Reorders the tensor that starts at `offset`: its canonical value `idx` goes to
+    /// `native_index(idx)`, both counted from the tensor's start.
     pub(super) fn reorder(&mut self, offset: usize, len: usize, native_index: impl Fn(usize) -> usize) {
         for (idx, native) in self.native[offset..offset + len].iter_mut().enumerate() {
             let to = native_index(idx);

@@ -1,11 +1,15 @@
-//! What the tests of all back ends cannot reach: every instruction set, batches of several chunks, threads, the
-//! perceptron.
+//! What the tests of all back ends cannot reach: every instruction set, batches of several chunks,
+//! threads, the perceptron.
+
+use jostle_kernels::Isa;
 
 use super::mlp::Mlp;
 use super::network::{Activation, FastNetwork};
-use jostle_kernels::Isa;
-
-use crate::{Batch, Layout, Network, NetworkConfig, Parameters};
+use crate::batch::Batch;
+use crate::config::NetworkConfig;
+use crate::layout::Layout;
+use crate::network::Network;
+use crate::parameters::Parameters;
 
 /// A fixed, irregular sequence in −1 … 1.
 pub(super) fn values(len: usize, seed: u32) -> Vec<f32> {
@@ -64,7 +68,8 @@ fn instruction_sets_agree_and_chunks_do_not_matter() {
     }
 }
 
-/// A gradient of many rows is the sum of the gradients of its parts, however each is cut into chunks.
+/// A gradient of many rows is the sum of the gradients of its parts, however each is cut into
+/// chunks.
 #[test]
 fn gradients_of_parts_add_up() {
     let config = NetworkConfig { beams: 64, ..Default::default() };
@@ -176,7 +181,8 @@ fn inference_has_the_bits_of_the_forward_pass() {
     let width = config.observation_len();
     for isa in Isa::available() {
         let mut network = actor(&config, isa);
-        // Chunks of several sizes, one after the other in the same memory; the last of 67 rows is shorter.
+        // Chunks of several sizes, one after the other in the same memory; the last of 67 rows is
+        // shorter.
         for n_rows in [5, 67, 24, 130] {
             let observations = values(n_rows * width, n_rows as u32);
             let tokens: Vec<u32> = (0..n_rows as u32).map(|row| row % 3).collect();

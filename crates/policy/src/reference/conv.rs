@@ -1,11 +1,13 @@
-//! One-dimensional convolution of stride 2 and padding 1, from matrix products alone.
+//! One-dimensional convolution of stride 2 and padding 1, only from matrix products.
 //!
-//! candle 0.11.1 has a `conv1d`, but on the CPU its backward pass copies a transposed gradient to contiguous memory and
-//! then multiplies by the original (huggingface/candle #3836): the losses still fall, with wrong gradients. So the
-//! windows are made here from one zero-padded buffer, and only `matmul`, whose gradient is right, sees them.
+//! candle 0.11.1 has a `conv1d`, but on the CPU its backward pass copies a transposed gradient to
+//! contiguous memory and then multiplies by the original (huggingface/candle #3836): the losses
+//! still fall, with wrong gradients. So the windows are made here from one zero-padded buffer, and
+//! only `matmul`, whose gradient is right, sees them.
 //!
-//! Channels come last, so a step of the stride, two positions, is one contiguous row of `2·channels` values. A window
-//! of an odd kernel is then a run of (kernel + 1)/2 rows, the last tap of the last row having weight 0:
+//! Channels come last, so a step of the stride, two positions, is one contiguous row of
+//! `2·channels` values. A window of an odd kernel is then a run of (kernel + 1)/2 rows, the last
+//! tap of the last row having weight 0:
 //!
 //! ```text
 //! positions  0 x₀ | x₁ x₂ | x₃ x₄ | x₅ …      (a 0 before and at least one behind)
@@ -14,13 +16,14 @@
 //! window 1           [ x₁ x₂  x₃ x₄  x₅ ]               rows 1, 2, 3
 //! ```
 //!
-//! The output is the sum over the kernel's row pairs j of (all rows, from row j on)·(weights of pair j). A view that
-//! starts j rows later is contiguous, for the whole batch at once; the few windows that reach from one sample into the
-//! next are dropped.
+//! The output is the sum over the kernel's row pairs j of (all rows, from row j on)·(weights of
+//! pair j). A view that starts j rows later is contiguous, for the whole batch at once; the few
+//! windows that reach from one sample into the next are dropped.
 //!
 //! # Rejected
 //!
-//! An im2col buffer by `Tensor::cat` of one view per tap: the same numbers, three times slower on the CPU.
+//! An im2col buffer by `Tensor::cat` of one view per tap: the same numbers, three times slower on
+//! the CPU.
 
 use candle_core::{Result, Tensor};
 
@@ -30,8 +33,8 @@ use super::Weights;
 ///
 /// # Shapes
 ///
-/// `xs` `[B, positions, inputs]`, weight `[outputs, inputs, kernel]` (odd kernel) → `[B, windows, outputs]` with
-/// ⌊(positions + 2 − kernel)/2⌋ + 1 windows
+/// `xs` `[B, positions, inputs]`, weight `[outputs, inputs, kernel]` (odd
+/// kernel) → `[B, windows, outputs]` with ⌊(positions + 2 − kernel)/2⌋ + 1 windows
 pub fn conv1d(xs: &Tensor, weights: &Weights, name: &str) -> Result<Tensor> {
     let weight = weights.get(&format!("{name}.weight"))?;
     let bias = weights.get(&format!("{name}.bias"))?;

@@ -1,6 +1,6 @@
-//! The small layers of the model.
+//! The small layers of the model: candle-nn's, on the tensors of [`Weights`].
 
-use candle_core::{Result, Tensor};
+use candle_core::{Module as _, Result, Tensor};
 
 use super::Weights;
 
@@ -12,7 +12,17 @@ use super::Weights;
 pub fn linear(xs: &Tensor, weights: &Weights, name: &str) -> Result<Tensor> {
     let weight = weights.get(&format!("{name}.weight"))?;
     let bias = weights.get(&format!("{name}.bias"))?;
-    xs.matmul(&weight.t()?)?.broadcast_add(bias)
+    candle_nn::Linear::new(weight.clone(), Some(bias.clone())).forward(xs)
+}
+
+/// The row of each index in a table, here `[M, width]`.
+///
+/// # Shapes
+///
+/// `indices` `[B]` (U32) → `[B, width]`
+pub fn embedding(indices: &Tensor, weights: &Weights, name: &str) -> Result<Tensor> {
+    let table = weights.get(&format!("{name}.weight"))?;
+    candle_nn::Embedding::new(table.clone(), table.dim(1)?).forward(indices)
 }
 
 /// max(x, 0), with gradient 0 at 0.

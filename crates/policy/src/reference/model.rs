@@ -11,28 +11,30 @@
 //! value = value(hidden)                                               # critic → [B, 1]
 //! ```
 //!
-//! Everything here is made of candle operations, so a loss on the outputs can be differentiated by candle.
+//! Everything here is made of candle operations, so a loss on the outputs can be differentiated by
+//! candle.
 
 use candle_core::{Result, Tensor};
 
 use super::Weights;
 use super::conv::conv1d;
-use super::layers::{linear, relu};
+use super::layers::{embedding, linear, relu};
+use crate::config::NetworkConfig;
+use crate::layout::Layout;
 use crate::observation::TAIL_LEN;
-use crate::{Layout, NetworkConfig};
 
 /// A network as a pure function of its weights.
 ///
-/// The actor and the critic implement it here, the discriminators in their own crate; [`CandleNetwork`] puts any of
-/// them behind the [`Network`](crate::Network) interface.
+/// The actor and the critic implement it here, the discriminators in their own crate;
+/// [`CandleNetwork`] puts any of them behind the [`Network`](crate::Network) interface.
 ///
 /// [`CandleNetwork`]: super::CandleNetwork
 pub trait Model: Send {
     /// Names and shapes of the weights.
     fn layout(&self) -> Layout;
 
-    /// Values in one input row (of an actor or critic: what the [encoder](crate::encoder) makes of an
-    /// observation row).
+    /// Values in one input row (of an actor or critic: what the [encoder](crate::encoder) makes of
+    /// an observation row).
     fn observation_len(&self) -> usize;
 
     /// Tokens must be less than this.
@@ -58,7 +60,7 @@ pub struct Features {
     pub hidden: Tensor,
 }
 
-/// What actor and critic have in common (each with weights of its own).
+/// The layers that actor and critic have in common (each with weights of its own).
 fn trunk(
     config: &NetworkConfig,
     weights: &Weights,
@@ -81,7 +83,7 @@ fn trunk(
     let flat = xs.transpose(1, 2)?.flatten_from(1)?;
     let laser_feature = relu(&linear(&flat, weights, "fc1")?)?;
 
-    let embedding = weights.get("embedding.weight")?.index_select(tokens, 0)?;
+    let embedding = embedding(tokens, weights, "embedding")?;
     let concat = Tensor::cat(&[&laser_feature, &goal_and_velocity, &embedding], 1)?;
     let hidden = relu(&linear(&concat, weights, "fc2")?)?;
     Ok(Features { laser_feature, hidden })
@@ -105,8 +107,8 @@ fn perceptron(
     Ok(Features { laser_feature, hidden })
 }
 
-/// The policy: mean of v through a sigmoid, mean of ω through tanh. Its `log_std` is no function of the input and
-/// stays with the caller ([`DiagonalGaussian`](crate::DiagonalGaussian)).
+/// The policy: mean of v through a sigmoid, mean of ω through tanh. Its `log_std` is no function of
+/// the input and stays with the caller ([`DiagonalGaussian`](crate::DiagonalGaussian)).
 #[derive(Debug, Clone)]
 pub struct Actor {
     config: NetworkConfig,

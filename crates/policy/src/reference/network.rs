@@ -5,7 +5,11 @@ use std::sync::Arc;
 use candle_core::{Device, Result, Tensor};
 
 use super::{Model, Weights};
-use crate::{Batch, Layout, Network, Parameters, PolicyError};
+use crate::batch::Batch;
+use crate::error::PolicyError;
+use crate::layout::Layout;
+use crate::network::Network;
+use crate::parameters::Parameters;
 
 /// A [`Model`] with its parameters and gradient. The native order is the canonical one.
 #[derive(Debug)]
@@ -25,8 +29,8 @@ impl<M: Model> CandleNetwork<M> {
     ///
     /// # Errors
     ///
-    /// [`PolicyError::Parameters`] if the parameters are not of the model's layout, [`PolicyError::Candle`] if the
-    /// device refuses.
+    /// [`PolicyError::Parameters`] if the parameters are not of the model's layout,
+    /// [`PolicyError::Candle`] if the device refuses.
     pub fn new(model: M, parameters: &Parameters, device: Device) -> std::result::Result<Self, PolicyError> {
         parameters.check_layout(&model.layout())?;
         let layout = Arc::clone(parameters.layout());
@@ -78,7 +82,7 @@ impl<M: Model> CandleNetwork<M> {
     }
 }
 
-/// Why candle can fail here: its device does (memory, driver); shapes were checked.
+/// The one reason for candle to fail here: its device does (memory, driver); shapes were checked.
 const DEVICE: &str = "candle's device failed";
 
 impl<M: Model> Network for CandleNetwork<M> {

@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use candle_core::{Device, Result, Tensor, Var};
 
-use crate::{Layout, PolicyError};
+use crate::error::PolicyError;
+use crate::layout::Layout;
 
 /// One tensor for each entry of a layout, in its order.
 ///
@@ -60,8 +61,8 @@ impl Weights {
         &self.tensors
     }
 
-    /// The gradients of `loss`, written to `flat` in canonical order. Entries of tensors that the loss does not
-    /// depend on stay as they are.
+    /// The gradients of `loss`, written to `flat` in canonical order. Entries of tensors that the
+    /// loss does not depend on stay as they are.
     ///
     /// # Errors
     ///

@@ -27,7 +27,8 @@ pub fn parameters(layout: Layout, seed: u64) -> Parameters {
     Parameters::from_flat(layout, flat).unwrap()
 }
 
-/// Observation rows in the range of real ones: scans in ±0.5, goals within metres, speeds within the limits.
+/// Observation rows in the range of real ones: scans in ±0.5, goals within metres, speeds within
+/// the limits.
 pub fn observations(config: &NetworkConfig, n_rows: usize, seed: u64) -> Vec<f32> {
     let width = config.observation_len();
     let scans = config.frames * config.beams;

@@ -1,8 +1,9 @@
-//! The networks once more: `f64`, one loop per index, no library, forward and backward written from the definition.
+//! The networks once more: `f64`, one loop per index, no library, forward and backward written from
+//! the definition.
 
 use jostle_policy::{Layout, NetworkConfig, Parameters};
 
-/// Which head stands on the trunk.
+/// The head behind the trunk.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Head {
     Actor,
@@ -33,7 +34,7 @@ pub struct Oracle {
     pub weights: Vec<f64>,
 }
 
-/// What the backward pass reads again.
+/// The values that the backward pass reads again.
 struct Kept {
     laser: Vec<f64>,
     conv1: Vec<f64>,
