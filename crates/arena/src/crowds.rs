@@ -32,11 +32,7 @@ impl Pools {
         let pool = match crowd {
             CrowdKind::Nh | CrowdKind::In | CrowdKind::Va | CrowdKind::CrossPlay => &self.full[..],
             CrowdKind::So => &self.half,
-            CrowdKind::Vo
-            | CrowdKind::Sf
-            | CrowdKind::Straight
-            | CrowdKind::StopAndGo
-            | CrowdKind::Own(_) => &[],
+            CrowdKind::Vo | CrowdKind::Sf | CrowdKind::Straight | CrowdKind::StopAndGo => &[],
         };
         &pool[..pool.len().min(n_pedestrians)]
     }
@@ -70,8 +66,7 @@ impl PoolNote {
 ///
 /// # Errors
 ///
-/// An empty pool, a policy whose observation is not the room's, settings out of range; [`ArenaError::OwnCrowd`] for a crowd of
-/// one's own, which only its owner can make.
+/// An empty pool, a policy whose observation is not the room's, settings out of range.
 pub fn make_crowd(
     config: &ArenaConfig,
     kind: CrowdKind,
@@ -79,7 +74,7 @@ pub fn make_crowd(
     polygons: &[Vec<Vec2>],
 ) -> Result<Box<dyn Crowd>, ArenaError> {
     let (crowds, dt) = (&config.crowds, config.sim.episode.dt);
-    let visibility = crowds.visibility.of(kind).ok_or(ArenaError::OwnCrowd { crowd: kind })?;
+    let visibility = crowds.visibility.row(kind);
     Ok(match kind {
         CrowdKind::Vo => {
             let obstacles = Arc::new(Obstacles::new(polygons)?);
@@ -90,7 +85,6 @@ pub fn make_crowd(
             Box::new(SocialForceCrowd::new(&crowds.social_force, visibility, dt, borders)?)
         }
         CrowdKind::Straight | CrowdKind::StopAndGo => Box::new(WalkersCrowd::new(kind)?),
-        CrowdKind::Own(_) => return Err(ArenaError::OwnCrowd { crowd: kind }),
         CrowdKind::Nh | CrowdKind::In | CrowdKind::Va | CrowdKind::So | CrowdKind::CrossPlay => {
             // An empty room needs no policies, but the crowd must exist.
             let pool = pools.of(kind, config.n_pedestrians().max(1));
@@ -101,7 +95,7 @@ pub fn make_crowd(
                 check_observation(config, policy)?;
             }
             let files: Vec<PolicyFile> = pool.iter().map(|policy| policy.file.clone()).collect();
-            Box::new(LearnedCrowd::from_files(kind, &crowds.learned, config.backend, &files)?)
+            Box::new(LearnedCrowd::from_files(kind, visibility, &crowds.learned, config.backend, &files)?)
         }
     })
 }

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use jostle_peds::{CrowdKind, PedsError};
+use jostle_peds::{CrowdKind, CrowdName, PedsError};
 use jostle_policy::PolicyError;
 use jostle_sim::SimError;
 
@@ -32,7 +32,7 @@ pub enum ArenaError {
     )]
     OwnCrowd {
         /// Its name.
-        crowd: CrowdKind,
+        crowd: CrowdName,
     },
     /// No planner has this name.
     #[error("planner: found {name}, expected straight, brake, goal-seeker, dwa, orca or social-force{hint}")]

@@ -5,7 +5,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use jostle_peds::{Crowd, CrowdKind, Pedestrian};
+use jostle_peds::{Crowd, CrowdName, Pedestrian};
 use jostle_sim::Laser;
 use rayon::prelude::*;
 
@@ -17,8 +17,8 @@ use crate::room::{ArenaRoom, FinishedEpisode, RoomPlan};
 /// The steps of an episode.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EpisodeTrace {
-    /// The crowd.
-    pub crowd: CrowdKind,
+    /// Name of the crowd.
+    pub crowd: CrowdName,
     /// Outcome and metrics, the same as the episode's record has.
     pub finished: FinishedEpisode,
     /// Behaviour token of learned pedestrians, which is always 0; `None` for the others.
@@ -87,7 +87,7 @@ pub fn trace_episodes(
         })?;
         ended.extend(finished.into_iter().map(|finished| (finished.episode, finished)));
     }
-    let pedestrian_token = plan.crowd.is_learned().then_some(0);
+    let pedestrian_token = plan.crowd.built_in().filter(|kind| kind.is_learned()).map(|_| 0);
     let traces = ended.into_values().zip(frames.into_values()).zip(factors.into_values());
     Ok(traces
         .map(|((finished, frames), speed_factors)| EpisodeTrace {

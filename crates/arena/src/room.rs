@@ -11,7 +11,7 @@ mod live;
 
 use glam::Vec2;
 use jostle_peds::validation::Gait;
-use jostle_peds::{Crowd, CrowdKind, Motion as Walk, Pedestrian, RoomView, Visibility};
+use jostle_peds::{Crowd, CrowdKind, CrowdName, Motion as Walk, Pedestrian, RoomView, Visibility};
 use jostle_sim::{
     CrashRule, Hit, Laser, Motion, Observer, Outcome, Pose, ScanSummary, Scenario, Sensor, Shape, SimConfig,
     SpawnConfig, Spawner, Stop, StreamRng, Streams, World, apply_limits, clip_action, maps, outcome,
@@ -32,9 +32,9 @@ const ROBOT: usize = 0;
 pub struct RoomPlan {
     /// Settings.
     pub config: ArenaConfig,
-    /// The crowd.
-    pub crowd: CrowdKind,
-    /// What its pedestrians see.
+    /// Name of the crowd.
+    pub crowd: CrowdName,
+    /// The bodies that its pedestrians see.
     pub visibility: Visibility,
     /// Whether they sense by laser.
     pub senses_by_laser: bool,
@@ -53,28 +53,25 @@ impl RoomPlan {
     ///
     /// # Errors
     ///
-    /// Settings out of range; a map that cannot be read; a room without places for so many; a crowd of one's own, whose name
-    /// does not say what it sees. What passes here never fails to find a start, a goal or a place for a re-spawn.
+    /// Settings out of range; a map that cannot be read; a room without places for so many. What passes here never fails to find
+    /// a start, a goal or a place for a re-spawn.
     pub fn new(config: &ArenaConfig, crowd: CrowdKind) -> Result<Self, ArenaError> {
-        let visibility = config.crowds.visibility.of(crowd).ok_or(ArenaError::OwnCrowd { crowd })?;
-        Self::with(config, crowd, visibility, crowd.is_learned())
+        Self::with(config, crowd.into(), config.crowds.visibility.row(crowd), crowd.is_learned())
     }
 
-    /// The plan of a cell with the given crowd, which may be of one's own: it then says itself what its pedestrians see and whether they
-    /// sense by laser.
+    /// The plan of a cell with the given crowd, which may be of one's own: it says itself what its pedestrians see and whether they sense
+    /// by laser.
     ///
     /// # Errors
     ///
     /// As [`Self::new`].
     pub fn among(config: &ArenaConfig, crowd: &dyn Crowd) -> Result<Self, ArenaError> {
-        let kind = crowd.kind();
-        let visibility = config.crowds.visibility.of(kind).unwrap_or_else(|| crowd.visibility());
-        Self::with(config, kind, visibility, crowd.senses_by_laser())
+        Self::with(config, crowd.name(), crowd.visibility(), crowd.senses_by_laser())
     }
 
     fn with(
         config: &ArenaConfig,
-        crowd: CrowdKind,
+        crowd: CrowdName,
         visibility: Visibility,
         senses_by_laser: bool,
     ) -> Result<Self, ArenaError> {
@@ -104,6 +101,11 @@ impl RoomPlan {
     /// How many pedestrians sense by laser.
     fn n_sensing(&self) -> usize {
         if self.senses_by_laser { self.config.n_pedestrians() } else { 0 }
+    }
+
+    /// A pedestrian's speed factor for an episode; 1 in a crowd of one's own.
+    fn draw_speed_factor(&self, rng: &mut StreamRng) -> f32 {
+        self.crowd.built_in().map_or(1.0, |kind| self.config.crowds.draw_speed_factor(kind, rng))
     }
 
     fn crash(&self) -> PedestrianCrash {
@@ -228,7 +230,7 @@ impl ArenaRoom {
         let indexed = |name: &str, body: usize| streams.stream(name, &[episode, body as u64]);
         let n_observers = 1 + plan.n_sensing();
         let mut factors = streams.stream("eval.speed_factor", &[episode]);
-        let draw = |_| config.crowds.draw_speed_factor(plan.crowd, &mut factors);
+        let draw = |_| plan.draw_speed_factor(&mut factors);
         let mut room = Self {
             episode,
             laser: laser.sibling(),

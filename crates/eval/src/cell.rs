@@ -1,6 +1,6 @@
 //! A cell of a table, the unit of work that is cached: one policy with one token in one crowd.
 
-use jostle_peds::CrowdKind;
+use jostle_peds::CrowdName;
 use serde::{Deserialize, Serialize};
 
 use jostle_arena::identity::hex_sha256;
@@ -21,8 +21,8 @@ pub struct CellKey {
     pub policy: String,
     /// The robot's behaviour token.
     pub token: u32,
-    /// The crowd.
-    pub crowd: CrowdKind,
+    /// Name of the crowd.
+    pub crowd: CrowdName,
     /// SHA-256 of the pedestrians' policies in their order; empty for crowds without.
     pub pool: Vec<String>,
     /// One robot and `n_agents` − 1 pedestrians.
@@ -47,6 +47,8 @@ impl CellKey {
 
 #[cfg(test)]
 mod tests {
+    use jostle_peds::CrowdKind;
+
     use super::*;
 
     #[test]
@@ -55,7 +57,7 @@ mod tests {
             protocol_version: 1,
             policy: "p".into(),
             token: 0,
-            crowd: CrowdKind::Nh,
+            crowd: CrowdKind::Nh.into(),
             pool: vec!["a".into(), "b".into()],
             n_agents: 5,
             seed: 0,
@@ -66,7 +68,7 @@ mod tests {
             CellKey { protocol_version: 2, ..key.clone() },
             CellKey { policy: "q".into(), ..key.clone() },
             CellKey { token: 1, ..key.clone() },
-            CellKey { crowd: CrowdKind::So, ..key.clone() },
+            CellKey { crowd: CrowdKind::So.into(), ..key.clone() },
             CellKey { pool: vec!["b".into(), "a".into()], ..key.clone() },
             CellKey { n_agents: 6, ..key.clone() },
             CellKey { seed: 1, ..key.clone() },
@@ -91,8 +93,8 @@ mod tests {
             settings: "s".into(),
         };
         let text = r#"{"protocol_version":1,"policy":"p","token":0,"crowd":"VO","pool":["a"],"n_agents":5,"seed":0,"settings":"s"}"#;
-        assert_eq!(key(CrowdKind::Vo).hash(), hex_sha256(text.as_bytes()));
-        let own = key(CrowdKind::own("shy").unwrap());
+        assert_eq!(key(CrowdKind::Vo.into()).hash(), hex_sha256(text.as_bytes()));
+        let own = key(CrowdName::new("shy").unwrap());
         assert!(own.file_name().starts_with("shy-z0-"));
     }
 }

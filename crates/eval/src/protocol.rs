@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-use jostle_peds::{Crowd, CrowdKind};
+use jostle_peds::{Crowd, CrowdKind, CrowdName};
 use jostle_sim::maps;
 
 use crate::cell::{CellKey, PROTOCOL_VERSION};
@@ -73,8 +73,10 @@ impl Protocol {
     }
 
     /// The key of a cell.
-    pub fn key(&self, subject: Subject<'_>, crowd: CrowdKind) -> CellKey {
-        let pool = self.pools.of(crowd, self.config.n_pedestrians());
+    pub fn key(&self, subject: Subject<'_>, crowd: impl Into<CrowdName>) -> CellKey {
+        let crowd = crowd.into();
+        let n_pedestrians = self.config.n_pedestrians();
+        let pool = crowd.built_in().map_or(&[][..], |kind| self.pools.of(kind, n_pedestrians));
         CellKey {
             protocol_version: PROTOCOL_VERSION,
             policy: subject.identity.sha256.clone(),
@@ -87,18 +89,19 @@ impl Protocol {
         }
     }
 
-    /// A crowd of the kind, ready for [`run_episodes`].
+    /// The built-in crowd of a plan, ready for [`run_episodes`].
     ///
     /// # Errors
     ///
-    /// As [`make_crowd`].
+    /// As [`make_crowd`]; [`ArenaError::OwnCrowd`] for a crowd of one's own, which only its owner can make.
     pub fn crowd(&self, plan: &RoomPlan) -> Result<Box<dyn Crowd>, ArenaError> {
-        make_crowd(&self.config, plan.crowd, &self.pools, &plan.scenario.boundary())
+        let kind = plan.crowd.built_in().ok_or(ArenaError::OwnCrowd { crowd: plan.crowd })?;
+        make_crowd(&self.config, kind, &self.pools, &plan.scenario.boundary())
     }
 
     /// The key of a cell with a crowd of one's own: its visibility, its sensing and its version are part of the settings.
     pub fn key_among(&self, subject: Subject<'_>, crowd: &dyn Crowd) -> CellKey {
-        let key = self.key(subject, crowd.kind());
+        let key = self.key(subject, crowd.name());
         let own = (&key.settings, crowd.visibility(), crowd.senses_by_laser(), crowd.version());
         let text = serde_json::to_vec(&own).expect("texts and flags are always JSON");
         CellKey { settings: hex_sha256(&text), ..key }
@@ -145,9 +148,9 @@ impl Protocol {
         file: Option<&Path>,
         progress: impl FnMut(u64),
     ) -> Result<CellRun, EvalError> {
-        if !crowd.kind().is_own() {
-            let expected = "a name of its own (see `CrowdKind::own`)".to_owned();
-            return Err(EvalError::Setting { field: "crowd", found: crowd.kind().to_string(), expected });
+        if crowd.name().built_in().is_some() {
+            let expected = "a name of its own (see `CrowdName::new`)".to_owned();
+            return Err(EvalError::Setting { field: "crowd", found: crowd.name().to_string(), expected });
         }
         let plan = RoomPlan::among(&self.config, crowd)?;
         let key = self.key_among(subject, crowd);
@@ -166,7 +169,7 @@ impl Protocol {
             return Err(EvalError::Setting { field: "episodes", found: "0".to_owned(), expected });
         }
         let Cell { plan, crowd, key, subject, file } = cell;
-        let (kind, hash) = (plan.crowd, key.hash());
+        let (name, hash) = (plan.crowd, key.hash());
         let opened = file.map(|path| RecordWriter::resume(path, key)).transpose()?;
         let (mut writer, held) = opened.map_or((None, None), |(writer, held)| (Some(writer), Some(held)));
         let repaired = held.as_ref().and_then(|held| held.torn);
@@ -175,7 +178,7 @@ impl Protocol {
         let reused = records.len() as u64;
         progress(reused);
         run_episodes::<EvalError>(plan, robot, crowd, reused..episodes, |finished| {
-            let record = record(&finished, subject, kind, &hash);
+            let record = record(&finished, subject, name, &hash);
             if let Some(writer) = &mut writer {
                 writer.append(&record)?;
             }
@@ -184,8 +187,9 @@ impl Protocol {
             Ok(())
         })?;
         writer.map_or(Ok(()), RecordWriter::finish)?;
-        let pool = self.pools.note(kind, self.config.n_pedestrians());
-        let result = CellResult::new(kind, hash, &metric_scale(&self.config), &records, pool);
+        let n_pedestrians = self.config.n_pedestrians();
+        let pool = name.built_in().and_then(|kind| self.pools.note(kind, n_pedestrians));
+        let result = CellResult::new(name, hash, &metric_scale(&self.config), &records, pool);
         Ok(CellRun { result, records, reused, repaired })
     }
 }
@@ -199,7 +203,7 @@ struct Cell<'a> {
     file: Option<&'a Path>,
 }
 
-fn record(finished: &FinishedEpisode, subject: Subject<'_>, crowd: CrowdKind, hash: &str) -> EpisodeRecord {
+fn record(finished: &FinishedEpisode, subject: Subject<'_>, crowd: CrowdName, hash: &str) -> EpisodeRecord {
     EpisodeRecord {
         episode: finished.episode,
         crowd,

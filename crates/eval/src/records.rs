@@ -7,7 +7,7 @@ use std::fs::{File, OpenOptions};
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-use jostle_peds::CrowdKind;
+use jostle_peds::CrowdName;
 use jostle_policy::excerpt;
 use serde::{Deserialize, Serialize};
 
@@ -26,8 +26,8 @@ const FILE_MAX: u64 = 1 << 30;
 pub struct EpisodeRecord {
     /// Its index k, from 0.
     pub episode: u64,
-    /// The crowd.
-    pub crowd: CrowdKind,
+    /// Name of the crowd.
+    pub crowd: CrowdName,
     /// The robot's behaviour token.
     pub token: u32,
     /// How it ended.
@@ -226,6 +226,8 @@ impl RecordWriter {
 
 #[cfg(test)]
 pub(crate) mod tests {
+    use jostle_peds::CrowdKind;
+
     use super::*;
     use jostle_arena::driving::DrivingMeter;
     use jostle_arena::identity::PolicyIdentity;
@@ -236,7 +238,7 @@ pub(crate) mod tests {
             protocol_version: 1,
             policy: policy.into(),
             token: 0,
-            crowd: CrowdKind::Sf,
+            crowd: CrowdKind::Sf.into(),
             pool: vec![],
             n_agents: 5,
             seed: 0,

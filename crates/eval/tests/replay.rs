@@ -44,7 +44,7 @@ fn check(trace: &EpisodeTrace) {
     let finished = &trace.finished;
     assert_eq!(trace.frames.len() as u64, finished.steps + 1);
     assert_eq!(trace.frames[0].robot.position.to_array(), finished.start);
-    assert_eq!(trace.pedestrian_token, trace.crowd.is_learned().then_some(0));
+    assert_eq!(trace.pedestrian_token, trace.crowd.built_in().unwrap().is_learned().then_some(0));
     for frame in &trace.frames {
         assert_eq!((frame.ranges.len(), frame.pedestrians.len(), trace.speed_factors.len()), (128, 4, 4));
         assert_eq!(frame.robot.goal.to_array(), finished.goal);

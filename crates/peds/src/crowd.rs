@@ -4,7 +4,7 @@
 
 use glam::Vec2;
 
-use crate::{CrowdKind, PedsError, Visibility};
+use crate::{CrowdName, PedsError, Visibility};
 
 /// What one pedestrian does during the next control period.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -80,19 +80,19 @@ impl RoomView<'_> {
 /// A decision is a function of the views only: a crowd keeps no state between calls but scratch memory,
 /// so that a run can be resumed and rooms can be regrouped without changing a bit.
 pub trait Crowd: Send {
-    /// Its name: for a crowd of one's own [`CrowdKind::own`], which no built-in crowd shares.
-    fn kind(&self) -> CrowdKind;
+    /// Its name, which keys, records and reports carry: [`CrowdName::new`] for a crowd of one's own.
+    fn name(&self) -> CrowdName;
 
     /// True if `decide` needs the rooms' observations.
     fn senses_by_laser(&self) -> bool;
 
-    /// Visibility of a crowd of one's own: each other and not the robot, unless overridden. The built-in crowds have rows in
-    /// the configuration's matrix ([`crate::VisibilityMatrix::of`]), and nobody asks them.
+    /// The bodies that its pedestrians see: each other and not the robot, unless overridden. The built-in crowds have been told their
+    /// rows of the configuration's matrix ([`crate::VisibilityMatrix::row`]).
     fn visibility(&self) -> Visibility {
         Visibility::PEDESTRIANS
     }
 
-    /// Version of a crowd of one's own. It must change when the crowd's behaviour does, since stored episodes are used again
+    /// Its version. For a crowd of one's own it must change when the crowd's behaviour does, since stored episodes are used again
     /// by name, visibility and version.
     #[expect(clippy::unnecessary_literal_bound, reason = "an implementation may hold its version")]
     fn version(&self) -> &str {

@@ -79,16 +79,20 @@ pub enum PedsError {
     UnknownCrowd(String),
     /// A text that cannot be the name of a crowd of one's own.
     #[error(
-        "crowd name {0:?}; expected 1 to {max} lower-case letters, digits and hyphens, beginning with a letter, that are no \
-         built-in crowd's name",
-        max = crate::NAME_MAX
+        "crowd name {found:?}; expected 1 to {most} lower-case letters, digits and hyphens, beginning with a letter, that are no \
+         built-in crowd's name"
     )]
-    CrowdName(String),
+    CrowdName {
+        /// The text, shortened.
+        found: String,
+        /// Most characters of a name.
+        most: usize,
+    },
     /// A crowd of one family was asked to be of another.
     #[error("crowd {found} cannot be driven this way; expected one of {expected}")]
     WrongKind {
-        /// The crowd asked for.
-        found: crate::CrowdKind,
+        /// Name of the crowd asked for.
+        found: &'static str,
         /// The crowds that can be made so.
         expected: &'static str,
     },

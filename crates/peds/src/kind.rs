@@ -1,7 +1,6 @@
-//! Names of crowds: the six of the paper, those that settings are chosen with, and any that a user brings.
+//! The crowds that come with this crate: the six of the paper, and those that settings are chosen with.
 //!
-//! A name is a short text that can be copied, so that keys, records and reports of a crowd of one's own are made as those of a
-//! built-in one. The paper's crowds have two capitals; every other name is in lower case, so that none can be taken for them.
+//! A crowd of one's own needs no entry here: it implements [`Crowd`](crate::Crowd) with a [`CrowdName`](crate::CrowdName) of its own.
 
 use std::{fmt, str::FromStr};
 
@@ -9,32 +8,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
 use crate::PedsError;
 
-/// Most characters of a name of one's own.
-pub const NAME_MAX: usize = 24;
-
-/// A name of one's own, see [`CrowdKind::own`].
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct CrowdName {
-    /// ASCII, padded with zeros.
-    letters: [u8; NAME_MAX],
-    len: u8,
-}
-
-impl CrowdName {
-    /// The name as text.
-    pub fn as_str(&self) -> &str {
-        // `CrowdKind::own`, which alone makes names, accepts ASCII only.
-        std::str::from_utf8(&self.letters[..usize::from(self.len)]).unwrap_or_default()
-    }
-}
-
-impl fmt::Debug for CrowdName {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{:?}", self.as_str())
-    }
-}
-
-/// A crowd by its name. It is written as [`Self::name`] everywhere: in arguments, keys, records and reports.
+/// A built-in crowd. It is written as [`Self::name`] everywhere: in arguments, keys, records and reports.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum CrowdKind {
     /// Learned pedestrians that see the robot ("non-homogeneous").
@@ -55,8 +29,6 @@ pub enum CrowdKind {
     StopAndGo,
     /// Validation crowd: as `Nh`, driven by whatever policies the pool holds, such as those of other seeds. Not of the paper.
     CrossPlay,
-    /// A crowd of the user's own.
-    Own(CrowdName),
 }
 
 impl CrowdKind {
@@ -66,40 +38,13 @@ impl CrowdKind {
     /// Those by which settings are chosen; never a column of a table of the paper.
     pub const VALIDATION: [Self; 3] = [Self::Straight, Self::StopAndGo, Self::CrossPlay];
 
-    /// The name of a crowd of one's own: 1 to [`NAME_MAX`] lower-case letters, digits and hyphens, the first a letter.
-    ///
-    /// # Errors
-    ///
-    /// [`PedsError::CrowdName`] for any other text, and for a name that a built-in crowd has in whatever case.
-    ///
-    /// # Examples
-    ///
-    /// ```
-    /// use jostle_peds::CrowdKind;
-    /// assert_eq!(CrowdKind::own("stubborn").unwrap().name(), "stubborn");
-    /// assert!(CrowdKind::own("sf").is_err() && CrowdKind::own("").is_err());
-    /// ```
-    pub fn own(name: &str) -> Result<Self, PedsError> {
-        let bytes = name.as_bytes();
-        let fits = bytes.first().is_some_and(u8::is_ascii_lowercase)
-            && bytes.len() <= NAME_MAX
-            && bytes.iter().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || *b == b'-');
-        if !fits || Self::built_in().any(|kind| kind.name().eq_ignore_ascii_case(name)) {
-            return Err(PedsError::CrowdName(name.chars().take(2 * NAME_MAX).collect()));
-        }
-        let mut letters = [0; NAME_MAX];
-        letters[..bytes.len()].copy_from_slice(bytes);
-        // At most `NAME_MAX`.
-        Ok(Self::Own(CrowdName { letters, len: bytes.len() as u8 }))
-    }
-
     /// Every crowd that comes with this crate: the paper's, then those for validation.
     pub fn built_in() -> impl Iterator<Item = Self> {
         Self::PAPER.into_iter().chain(Self::VALIDATION)
     }
 
     /// The two letters of the paper, or a name in lower case.
-    pub fn name(&self) -> &str {
+    pub fn name(&self) -> &'static str {
         match self {
             Self::Nh => "NH",
             Self::In => "IN",
@@ -110,23 +55,17 @@ impl CrowdKind {
             Self::Straight => "straight",
             Self::StopAndGo => "stop-and-go",
             Self::CrossPlay => "cross-play",
-            Self::Own(name) => name.as_str(),
         }
     }
 
-    /// Whether the pedestrians are driven by trained policies of a pool (and so sense by laser).
+    /// True if the pedestrians are driven by trained policies of a pool (and so sense by laser).
     pub fn is_learned(self) -> bool {
         matches!(self, Self::Nh | Self::In | Self::Va | Self::So | Self::CrossPlay)
     }
 
-    /// Whether it is one of [`Self::VALIDATION`].
+    /// True if it is one of [`Self::VALIDATION`].
     pub fn is_for_validation(self) -> bool {
         Self::VALIDATION.contains(&self)
-    }
-
-    /// Whether it is a crowd of the user's own.
-    pub fn is_own(self) -> bool {
-        matches!(self, Self::Own(_))
     }
 }
 
@@ -139,7 +78,7 @@ impl fmt::Display for CrowdKind {
 impl FromStr for CrowdKind {
     type Err = PedsError;
 
-    /// A built-in crowd, written exactly as [`CrowdKind::name`]: a slip must not become a crowd of one's own.
+    /// A built-in crowd, written exactly as [`CrowdKind::name`].
     fn from_str(name: &str) -> Result<Self, PedsError> {
         Self::built_in()
             .find(|kind| kind.name() == name)
@@ -154,21 +93,8 @@ impl Serialize for CrowdKind {
 }
 
 impl<'de> Deserialize<'de> for CrowdKind {
-    /// A built-in crowd or a name of the user's own, since records hold either.
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Name;
-        impl de::Visitor<'_> for Name {
-            type Value = CrowdKind;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("the name of a crowd")
-            }
-
-            fn visit_str<E: de::Error>(self, name: &str) -> Result<CrowdKind, E> {
-                name.parse().or_else(|_| CrowdKind::own(name)).map_err(E::custom)
-            }
-        }
-        deserializer.deserialize_str(Name)
+        String::deserialize(deserializer)?.parse().map_err(de::Error::custom)
     }
 }
 
@@ -195,26 +121,6 @@ mod tests {
         assert_eq!(serde_json::from_str::<[CrowdKind; 6]>(&text).unwrap(), CrowdKind::PAPER);
         let validation = serde_json::to_string(&CrowdKind::VALIDATION).unwrap();
         assert_eq!(validation, r#"["straight","stop-and-go","cross-play"]"#);
-    }
-
-    #[test]
-    fn names_of_ones_own_are_short_and_never_a_built_in_crowds() {
-        let longest = "a23456789-123456789-1234";
-        for name in ["a", "my-crowd-2", longest] {
-            let kind = CrowdKind::own(name).unwrap();
-            assert_eq!((kind.name(), kind.is_own(), kind.is_learned()), (name, true, false));
-            let text = serde_json::to_string(&kind).unwrap();
-            assert_eq!(serde_json::from_str::<CrowdKind>(&text).unwrap(), kind);
-        }
-        let too_long = format!("{longest}5");
-        for name in ["", "vo", "straight", "cross-play", "Mine", "a/b", "2fast", "-a", "ä", &too_long] {
-            assert!(CrowdKind::own(name).is_err(), "{name}");
-            assert_eq!(
-                serde_json::from_str::<CrowdKind>(&format!("{name:?}")).is_ok(),
-                name.parse::<CrowdKind>().is_ok(),
-                "{name}"
-            );
-        }
     }
 
     #[test]

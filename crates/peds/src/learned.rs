@@ -6,12 +6,15 @@
 use jostle_policy::{Backend, Batch, Network, NetworkConfig, PolicyError, PolicyFile, actor};
 use rayon::prelude::*;
 
-use crate::{Crowd, CrowdKind, LearnedConfig, Motion, PedsError, RoomView, crowd::check_motions};
+use crate::{
+    Crowd, CrowdKind, CrowdName, LearnedConfig, Motion, PedsError, RoomView, Visibility, crowd::check_motions,
+};
 
 /// Pedestrian i of every room acts on the mean of policy i mod pool length, clipped to the command limits; in crowd VA its linear
 /// velocity is then multiplied by its speed factor.
 pub struct LearnedCrowd {
     kind: CrowdKind,
+    visibility: Visibility,
     limits: LearnedConfig,
     observation_len: usize,
     pool: Vec<Member>,
@@ -40,19 +43,22 @@ impl Member {
 }
 
 impl LearnedCrowd {
-    /// A crowd of policies that read rows of `observation_len` values. Behaviour token 0 throughout.
+    /// A crowd of policies that read rows of `observation_len` values. Behaviour token 0 throughout. `visibility` says which
+    /// bodies the scans in the rows show.
     ///
     /// # Errors
     /// A crowd that is not learned, an empty pool, a network that is no actor, limits out of range.
     pub fn new(
         kind: CrowdKind,
+        visibility: Visibility,
         limits: &LearnedConfig,
         observation_len: usize,
         pool: Vec<Box<dyn Network>>,
     ) -> Result<Self, PedsError> {
         limits.validate()?;
         if !kind.is_learned() {
-            return Err(PedsError::WrongKind { found: kind, expected: "NH, IN, VA, SO, cross-play" });
+            let expected = "NH, IN, VA, SO, cross-play";
+            return Err(PedsError::WrongKind { found: kind.name(), expected });
         }
         if pool.is_empty() {
             return Err(PedsError::EmptyPool);
@@ -68,7 +74,7 @@ impl LearnedCrowd {
             means: Vec::new(),
         };
         let pool = pool.into_iter().map(member).collect();
-        Ok(Self { kind, limits: *limits, observation_len, pool })
+        Ok(Self { kind, visibility, limits: *limits, observation_len, pool })
     }
 
     /// A crowd of policies read from files, which must all have the same observation.
@@ -77,6 +83,7 @@ impl LearnedCrowd {
     /// As [`Self::new`]; policies whose frames or beams differ; a back end that cannot be had.
     pub fn from_files(
         kind: CrowdKind,
+        visibility: Visibility,
         limits: &LearnedConfig,
         backend: Backend,
         files: &[PolicyFile],
@@ -89,7 +96,7 @@ impl LearnedCrowd {
             let refused = |error: PolicyError| PedsError::PoolBackend { policy, reason: error.to_string() };
             pool.push(made.map_err(refused)?);
         }
-        Self::new(kind, limits, observation_len, pool)
+        Self::new(kind, visibility, limits, observation_len, pool)
     }
 
     /// Number of policies; rooms with more pedestrians cycle through them.
@@ -141,8 +148,12 @@ fn check_shape(policy: usize, found: &NetworkConfig, expected: &NetworkConfig) -
 }
 
 impl Crowd for LearnedCrowd {
-    fn kind(&self) -> CrowdKind {
-        self.kind
+    fn name(&self) -> CrowdName {
+        self.kind.into()
+    }
+
+    fn visibility(&self) -> Visibility {
+        self.visibility
     }
 
     fn senses_by_laser(&self) -> bool {

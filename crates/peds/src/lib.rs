@@ -1,6 +1,6 @@
 //! Crowd models: ORCA, social force, learned pedestrians and walkers for validation behind one trait.
 //!
-//! Reading order: `crowd` (the trait and what passes through it), `kind` (names), `visibility` (who sees whom), `config`, [`orca`],
+//! Reading order: `crowd` (the trait and what passes through it), `name`, `kind` (the built-in crowds), `visibility` (who sees whom), `config`, [`orca`],
 //! [`social_force`], [`validation`], `learned`.
 //!
 //! Architecture invariant: the pure models know neither the simulator nor a network; only the feature `learned` brings in
@@ -51,6 +51,7 @@ mod error;
 mod kind;
 #[cfg(feature = "learned")]
 mod learned;
+mod name;
 pub mod orca;
 pub mod social_force;
 pub mod validation;
@@ -66,7 +67,8 @@ pub use rand;
 pub use config::{CrowdsConfig, LearnedConfig};
 pub use crowd::{Crowd, Motion, Pedestrian, RoomView};
 pub use error::{MAGNITUDE_LIMIT, PedsError};
-pub use kind::{CrowdKind, CrowdName, NAME_MAX};
+pub use kind::CrowdKind;
 #[cfg(feature = "learned")]
 pub use learned::LearnedCrowd;
+pub use name::{CrowdName, NAME_MAX};
 pub use visibility::{Visibility, VisibilityMatrix};

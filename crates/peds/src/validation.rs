@@ -12,7 +12,7 @@ use rand_distr::{Distribution, Uniform};
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    Crowd, CrowdKind, Motion, PedsError, RoomView, Visibility,
+    Crowd, CrowdKind, CrowdName, Motion, PedsError, RoomView, Visibility,
     crowd::{check_motions, with_motions},
     error::{checked, require},
 };
@@ -126,14 +126,14 @@ impl WalkersCrowd {
     pub fn new(kind: CrowdKind) -> Result<Self, PedsError> {
         match kind {
             CrowdKind::Straight | CrowdKind::StopAndGo => Ok(Self { kind }),
-            found => Err(PedsError::WrongKind { found, expected: "straight, stop-and-go" }),
+            found => Err(PedsError::WrongKind { found: found.name(), expected: "straight, stop-and-go" }),
         }
     }
 }
 
 impl Crowd for WalkersCrowd {
-    fn kind(&self) -> CrowdKind {
-        self.kind
+    fn name(&self) -> CrowdName {
+        self.kind.into()
     }
 
     fn senses_by_laser(&self) -> bool {

@@ -55,18 +55,17 @@ impl Default for VisibilityMatrix {
 }
 
 impl VisibilityMatrix {
-    /// The row of a crowd: cross-play has that of NH, the straight and the stop-and-go walkers see nobody whatever the matrix says. `None`
-    /// for a crowd of one's own, which says for itself ([`crate::Crowd::visibility`]).
-    pub fn of(&self, kind: CrowdKind) -> Option<Visibility> {
+    /// The row of a crowd: cross-play has that of NH, the straight and the stop-and-go walkers see nobody whatever the matrix says. A
+    /// crowd of one's own says for itself what it sees ([`crate::Crowd::visibility`]).
+    pub fn row(&self, kind: CrowdKind) -> Visibility {
         match kind {
-            CrowdKind::Straight | CrowdKind::StopAndGo => Some(Visibility::NONE),
-            CrowdKind::Nh | CrowdKind::CrossPlay => Some(self.nh),
-            CrowdKind::In => Some(self.r#in),
-            CrowdKind::Va => Some(self.va),
-            CrowdKind::So => Some(self.so),
-            CrowdKind::Vo => Some(self.vo),
-            CrowdKind::Sf => Some(self.sf),
-            CrowdKind::Own(_) => None,
+            CrowdKind::Straight | CrowdKind::StopAndGo => Visibility::NONE,
+            CrowdKind::Nh | CrowdKind::CrossPlay => self.nh,
+            CrowdKind::In => self.r#in,
+            CrowdKind::Va => self.va,
+            CrowdKind::So => self.so,
+            CrowdKind::Vo => self.vo,
+            CrowdKind::Sf => self.sf,
         }
     }
 
@@ -79,7 +78,7 @@ impl VisibilityMatrix {
             CrowdKind::So => Some(&mut self.so),
             CrowdKind::Vo => Some(&mut self.vo),
             CrowdKind::Sf => Some(&mut self.sf),
-            CrowdKind::Straight | CrowdKind::StopAndGo | CrowdKind::Own(_) => None,
+            CrowdKind::Straight | CrowdKind::StopAndGo => None,
         }
     }
 }
@@ -93,11 +92,10 @@ mod tests {
         let matrix = VisibilityMatrix::default();
         for kind in CrowdKind::PAPER {
             let expected = matches!(kind, CrowdKind::Nh | CrowdKind::So);
-            assert_eq!(matrix.of(kind), Some(Visibility { pedestrians: true, robot: expected }));
+            assert_eq!(matrix.row(kind), Visibility { pedestrians: true, robot: expected });
         }
-        let validation = CrowdKind::VALIDATION.map(|kind| matrix.of(kind).unwrap());
+        let validation = CrowdKind::VALIDATION.map(|kind| matrix.row(kind));
         assert_eq!(validation, [Visibility::NONE, Visibility::NONE, Visibility::ALL]);
-        assert_eq!(matrix.of(CrowdKind::own("mine").unwrap()), None);
     }
 
     #[test]
@@ -107,7 +105,7 @@ mod tests {
             let row = Visibility { pedestrians: false, robot: true };
             if let Some(found) = matrix.row_mut(kind) {
                 *found = row;
-                assert_eq!(matrix.of(kind), Some(row));
+                assert_eq!(matrix.row(kind), row);
             } else {
                 assert!(matches!(kind, CrowdKind::Straight | CrowdKind::StopAndGo), "{kind}");
             }
@@ -118,8 +116,8 @@ mod tests {
     fn a_row_can_be_changed_by_name() {
         let text = r#"{"VO":{"pedestrians":false,"robot":true}}"#;
         let matrix: VisibilityMatrix = serde_json::from_str(text).unwrap();
-        assert_eq!(matrix.of(CrowdKind::Vo), Some(Visibility { pedestrians: false, robot: true }));
-        assert_eq!(matrix.of(CrowdKind::Nh), Some(Visibility::ALL));
+        assert_eq!(matrix.row(CrowdKind::Vo), Visibility { pedestrians: false, robot: true });
+        assert_eq!(matrix.row(CrowdKind::Nh), Visibility::ALL);
         assert!(serde_json::from_str::<VisibilityMatrix>(r#"{"XX":{}}"#).is_err());
     }
 }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::Vec2;
 use jostle_peds::{
-    Crowd, CrowdKind, Motion, Pedestrian, RoomView, Visibility,
+    Crowd, CrowdKind, CrowdName, Motion, Pedestrian, RoomView, Visibility,
     orca::{Obstacles, OrcaConfig, OrcaCrowd},
     social_force::{Border, DesiredSpeed, SocialForceConfig, SocialForceCrowd},
 };
@@ -74,7 +74,7 @@ fn rooms_do_not_mix() {
         );
         let three = decide(&mut *crowd, &[view(&people, &[])]);
         let two = decide(&mut *crowd, &[view(&people[..2], &[])]);
-        assert_eq!(together, [&three[..], &two, &three].concat(), "{}", crowd.kind());
+        assert_eq!(together, [&three[..], &two, &three].concat(), "{}", crowd.name());
     }
 }
 
@@ -105,7 +105,7 @@ fn free_speed_is_the_desired_speed() {
     for mut crowd in crowds_in(&[room()], Visibility::PEDESTRIANS) {
         let mut people = [pedestrian(-8.0, 0.0, Vec2::ZERO, Vec2::new(8.0, 0.0))];
         walk(&mut *crowd, &mut people, 60);
-        assert!(people[0].velocity.distance(Vec2::X) < 1e-3, "{}: {}", crowd.kind(), people[0].velocity);
+        assert!(people[0].velocity.distance(Vec2::X) < 1e-3, "{}: {}", crowd.name(), people[0].velocity);
     }
 }
 
@@ -122,7 +122,7 @@ fn a_corridor_is_traversed() {
             assert!(
                 person.position.x > 14.0 && person.position.y.abs() < 1.2,
                 "{}: {person:?}",
-                crowd.kind()
+                crowd.name()
             );
         }
     }
@@ -159,8 +159,8 @@ fn bad_views_are_refused() {
 #[test]
 fn the_pure_crowds_say_what_they_are() {
     let crowds = crowds_in(&[room()], Visibility::ALL);
-    let kinds: Vec<CrowdKind> = crowds.iter().map(|crowd| crowd.kind()).collect();
-    assert_eq!(kinds, [CrowdKind::Vo, CrowdKind::Sf]);
+    let names: Vec<CrowdName> = crowds.iter().map(|crowd| crowd.name()).collect();
+    assert_eq!(names, [CrowdKind::Vo, CrowdKind::Sf]);
     assert!(crowds.iter().all(|crowd| !crowd.senses_by_laser()));
 }
 

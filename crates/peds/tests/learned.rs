@@ -2,7 +2,7 @@
 #![cfg(feature = "learned")]
 
 use glam::Vec2;
-use jostle_peds::{Crowd, CrowdKind, LearnedConfig, LearnedCrowd, Motion, Pedestrian, RoomView};
+use jostle_peds::{Crowd, CrowdKind, LearnedConfig, LearnedCrowd, Motion, Pedestrian, RoomView, Visibility};
 use jostle_policy::{Backend, Batch, Layout, Network, NetworkConfig, Parameters, actor};
 use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
 
@@ -62,7 +62,8 @@ fn policies_are_cycled_clipped_and_scaled_by_the_factor_in_va_alone() {
     let rooms = [room(&people, &first, &[0.5, 1.0, 1.5]), room(&people[..1], &second, &[])];
     let decide = |kind| {
         let mut motions = [Motion::STILL; 4];
-        let mut crowd = LearnedCrowd::new(kind, &LearnedConfig::default(), 2, pool()).unwrap();
+        let mut crowd =
+            LearnedCrowd::new(kind, Visibility::ALL, &LearnedConfig::default(), 2, pool()).unwrap();
         crowd.decide(&rooms, &mut motions).unwrap();
         motions
     };
@@ -76,10 +77,10 @@ fn policies_are_cycled_clipped_and_scaled_by_the_factor_in_va_alone() {
 #[test]
 fn what_does_not_fit_is_refused() {
     let limits = LearnedConfig::default();
-    assert!(LearnedCrowd::new(CrowdKind::Vo, &limits, 2, pool()).is_err());
-    assert!(LearnedCrowd::new(CrowdKind::Nh, &limits, 2, Vec::new()).is_err());
+    assert!(LearnedCrowd::new(CrowdKind::Vo, Visibility::ALL, &limits, 2, pool()).is_err());
+    assert!(LearnedCrowd::new(CrowdKind::Nh, Visibility::ALL, &limits, 2, Vec::new()).is_err());
     let people = [SOMEONE; 2];
-    let mut crowd = LearnedCrowd::new(CrowdKind::Nh, &limits, 2, pool()).unwrap();
+    let mut crowd = LearnedCrowd::new(CrowdKind::Nh, Visibility::ALL, &limits, 2, pool()).unwrap();
     let mut decide = |observations: &[f32], factor: &[f32], n: usize| {
         crowd.decide(&[room(&people, observations, factor)], &mut vec![Motion::STILL; n])
     };
@@ -101,7 +102,9 @@ fn real_policies_answer_as_they_do_alone() {
     let rows: Vec<f32> = (0..3 * len).map(|i| (i as f32 * 0.37).sin() * 0.5).collect();
     let mut motions = [Motion::STILL; 3];
     let pool = vec![network(1), network(2)];
-    let mut crowd = LearnedCrowd::new(CrowdKind::In, &LearnedConfig::default(), len, pool).unwrap();
+    let mut crowd =
+        LearnedCrowd::new(CrowdKind::In, Visibility::PEDESTRIANS, &LearnedConfig::default(), len, pool)
+            .unwrap();
     crowd.decide(&[room(&people, &rows, &[])], &mut motions).unwrap();
     for (i, seed) in [1, 2, 1].into_iter().enumerate() {
         let mut mean = [0.0; 2];

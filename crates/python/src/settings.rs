@@ -110,8 +110,8 @@ mod tests {
             for robot in [false, true] {
                 let settings = Settings::new(&base, crowd, None, Some(robot), Pools::default()).unwrap();
                 assert_eq!(
-                    settings.config.crowds.visibility.of(crowd),
-                    Some(Visibility { pedestrians: true, robot })
+                    settings.config.crowds.visibility.row(crowd),
+                    Visibility { pedestrians: true, robot }
                 );
             }
         }

@@ -68,7 +68,7 @@ fn an_average_needs_all_six_crowds() {
     let mut row = filled().rows.swap_remove(0);
     assert_eq!(row.average(), None);
     let cell = row.cells[0].clone();
-    row.cells = CrowdKind::PAPER.map(|crowd| CellResult { crowd, ..cell.clone() }).to_vec();
+    row.cells = CrowdKind::PAPER.map(|crowd| CellResult { crowd: crowd.into(), ..cell.clone() }).to_vec();
     assert_eq!(row.average(), cell.summary.success_rate);
 }
 

@@ -225,7 +225,7 @@ fn records(scratch: &Path) -> Result<Case> {
         let outcome = EpisodeOutcome::ALL[k as usize % EpisodeOutcome::ALL.len()];
         let record = EpisodeRecord {
             episode: k,
-            crowd: CrowdKind::Sf,
+            crowd: CrowdKind::Sf.into(),
             token: 0,
             outcome,
             steps: 123,

@@ -56,7 +56,7 @@ impl ArenaRoom {
         // It sets out towards its goal.
         let pose = Pose::new(position, (goal - position).to_angle());
         self.world.add_body(&shape, pose)?;
-        self.speed_factor.push(config.crowds.draw_speed_factor(plan.crowd, &mut rng));
+        self.speed_factor.push(plan.draw_speed_factor(&mut rng));
         self.streams.push(indexed("eval.pedestrian"));
         let (gait, noise) = (indexed("eval.gait"), indexed("eval.noise"));
         self.begin_gait(plan, gait);

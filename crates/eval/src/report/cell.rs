@@ -1,6 +1,6 @@
 //! One cell: a policy with one token in one crowd.
 
-use jostle_peds::CrowdKind;
+use jostle_peds::CrowdName;
 use serde::{Deserialize, Serialize};
 
 use crate::driving::{Driven, DrivingSummary};
@@ -36,8 +36,8 @@ impl Comparison {
 /// The result of a cell.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CellResult {
-    /// The crowd.
-    pub crowd: CrowdKind,
+    /// Name of the crowd.
+    pub crowd: CrowdName,
     /// Hash of the cell's key.
     pub cell: String,
     /// Counts, interval, metrics.
@@ -54,7 +54,7 @@ pub struct CellResult {
 impl CellResult {
     /// Result of a cell's records.
     pub fn new(
-        crowd: CrowdKind,
+        crowd: impl Into<CrowdName>,
         cell: String,
         scale: &MetricScale,
         records: &[EpisodeRecord],
@@ -68,7 +68,7 @@ impl CellResult {
         });
         let driving = Some(DrivingSummary::new(scale, driven));
         Self {
-            crowd,
+            crowd: crowd.into(),
             cell,
             summary: Summary::of(scale.v_max, episodes),
             driving,

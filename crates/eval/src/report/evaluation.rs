@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use jostle_peds::CrowdKind;
 use serde::{Deserialize, Serialize};
 
 use super::cell::CellResult;
@@ -169,10 +170,11 @@ impl Evaluation {
         }
         for cell in &self.cells {
             let label = cell.crowd.to_string();
-            if cell.crowd.is_for_validation() {
+            let built_in = cell.crowd.built_in();
+            if built_in.is_some_and(CrowdKind::is_for_validation) {
                 notes.push(format!("{label}: a validation crowd, to choose settings by; not of the paper"));
             }
-            if cell.crowd.is_own() {
+            if built_in.is_none() {
                 notes.push(format!("{label}: a crowd of the user's own; not of the paper"));
             }
             if let Some(pool) = &cell.pool {

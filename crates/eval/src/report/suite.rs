@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use jostle_peds::CrowdKind;
+use jostle_peds::CrowdName;
 use serde::{Deserialize, Serialize};
 
 use super::cell::CellResult;
@@ -33,7 +33,7 @@ pub struct WorstCell {
     /// Its scene.
     pub scene: String,
     /// Its crowd.
-    pub crowd: CrowdKind,
+    pub crowd: CrowdName,
     /// Its success rate.
     pub success_rate: f64,
 }
@@ -229,6 +229,8 @@ fn score(scenes: &[SceneResult]) -> Option<SuiteScore> {
 
 #[cfg(test)]
 mod tests {
+    use jostle_peds::CrowdKind;
+
     use super::*;
     use crate::metrics::Summary;
     use jostle_arena::metrics::{EpisodeMetrics, MetricScale};
@@ -242,7 +244,14 @@ mod tests {
             .map(|outcome| (outcome, EpisodeMetrics::from_totals(&scale, outcome, 120, 11.0, 10.0)))
             .collect();
         let summary = Summary::of(1.0, episodes.iter().map(|(outcome, metrics)| (*outcome, metrics)));
-        CellResult { crowd, cell: "c".into(), summary, driving: None, pool: None, versus_baseline: None }
+        CellResult {
+            crowd: crowd.into(),
+            cell: "c".into(),
+            summary,
+            driving: None,
+            pool: None,
+            versus_baseline: None,
+        }
     }
 
     fn report() -> SuiteReport {
@@ -260,7 +269,7 @@ mod tests {
     fn the_score_is_mean_worst_and_tail() {
         let score = report().score.unwrap();
         assert!((score.mean - 0.5).abs() < 1e-12);
-        assert_eq!((score.worst.scene.as_str(), score.worst.crowd), ("doorway", CrowdKind::Vo));
+        assert_eq!((score.worst.scene.as_str(), score.worst.crowd.as_str()), ("doorway", "VO"));
         // A quarter of four cells is the worst one.
         assert!((score.cvar - 0.1).abs() < 1e-12 && score.worst.success_rate == score.cvar);
         assert_eq!(cvar(&[0.5, 0.1, 0.3], 1.0).map(|value| (value * 1e9).round()), Some(3e8));

@@ -229,9 +229,9 @@ pub(super) fn cell_notes(label: &str, policy: Option<&PolicyIdentity>, cell: &Ce
 
 /// In what way a policy was trained among what it is tested with in a cell; `None` where its crowd is new to it.
 pub(super) fn seen_in_training(policy: &PolicyIdentity, cell: &CellResult) -> Option<String> {
-    let rule = match cell.crowd {
-        CrowdKind::Straight => "straight",
-        CrowdKind::StopAndGo => "stop_and_go",
+    let rule = match cell.crowd.built_in() {
+        Some(CrowdKind::Straight) => "straight",
+        Some(CrowdKind::StopAndGo) => "stop_and_go",
         _ => "",
     };
     if policy.was_among(rule) {

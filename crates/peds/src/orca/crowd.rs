@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{AgentParameters, Obstacles, OrcaSimulator};
 use crate::{
-    Crowd, CrowdKind, Motion, Pedestrian, PedsError, RoomView, Visibility,
+    Crowd, CrowdKind, CrowdName, Motion, Pedestrian, PedsError, RoomView, Visibility,
     crowd::{check_motions, with_motions},
     error::{checked, require},
 };
@@ -106,8 +106,12 @@ impl OrcaCrowd {
 }
 
 impl Crowd for OrcaCrowd {
-    fn kind(&self) -> CrowdKind {
-        CrowdKind::Vo
+    fn name(&self) -> CrowdName {
+        CrowdKind::Vo.into()
+    }
+
+    fn visibility(&self) -> Visibility {
+        self.visibility
     }
 
     fn senses_by_laser(&self) -> bool {

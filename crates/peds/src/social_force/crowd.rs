@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::{Border, SocialForce, SocialForceConfig, Walker};
 use crate::{
-    Crowd, CrowdKind, Motion, Pedestrian, PedsError, RoomView, Visibility,
+    Crowd, CrowdKind, CrowdName, Motion, Pedestrian, PedsError, RoomView, Visibility,
     crowd::{check_motions, with_motions},
     error::{checked, require},
 };
@@ -77,8 +77,12 @@ impl SocialForceCrowd {
 }
 
 impl Crowd for SocialForceCrowd {
-    fn kind(&self) -> CrowdKind {
-        CrowdKind::Sf
+    fn name(&self) -> CrowdName {
+        CrowdKind::Sf.into()
+    }
+
+    fn visibility(&self) -> Visibility {
+        self.visibility
     }
 
     fn senses_by_laser(&self) -> bool {

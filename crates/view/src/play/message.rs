@@ -103,6 +103,9 @@ mod tests {
         let setup = r#"{"do":"setup","crowd":"SF","pedestrians":4,"policy":0,"token":0,"seed":7}"#;
         let expected = Setup { crowd: CrowdKind::Sf, pedestrians: 4, policy: 0, token: 0, seed: 7 };
         assert_eq!(read(setup).unwrap(), Ask::Setup(expected));
+        let unknown = setup.replace("SF", "wanderers");
+        let error = read(&unknown).unwrap_err().to_string();
+        assert!(error.starts_with("unknown crowd `wanderers`; expected one of NH, IN"), "{error}");
         for slip in [r#"{"do":"fly"}"#, r#"{"do":"goal","x":1}"#, r#"{"do":"goal","x":"1","y":2}"#, "[]", ""]
         {
             assert!(read(slip).is_err(), "{slip}");

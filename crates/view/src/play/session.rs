@@ -79,7 +79,6 @@ impl<'a> Session<'a> {
             .drivers
             .get(setup.policy)
             .with_context(|| format!("policy: found {}, expected less than {n_policies}", setup.policy))?;
-        ensure!(!setup.crowd.is_own(), "unknown crowd {}", setup.crowd);
         ensure!(
             stock.crowds.contains(&setup.crowd),
             "crowd {}: its pedestrians are driven by policies; start with --pool",
@@ -99,7 +98,7 @@ impl<'a> Session<'a> {
         let robot = driver.robot_with(setup.token, &plan)?;
         Ok(Self {
             scene: Scene::new(&config, &polygons(&plan.scenario))?,
-            crowd: crowd_of(stock, &plan)?,
+            crowd: crowd_of(stock, setup.crowd, &plan)?,
             room: ArenaRoom::new(&plan, &laser, episode)?,
             stock,
             setup,
@@ -170,7 +169,7 @@ impl<'a> Session<'a> {
         ensure!(n_pedestrians < PEDESTRIANS_MAX, "there are {n_pedestrians} pedestrians already");
         self.room.add_pedestrian(&mut self.plan, position)?;
         // A learned crowd that was smaller than its pool may use more of it now.
-        self.crowd = crowd_of(self.stock, &self.plan)?;
+        self.crowd = crowd_of(self.stock, self.setup.crowd, &self.plan)?;
         Ok(())
     }
 
@@ -183,7 +182,7 @@ impl<'a> Session<'a> {
         );
         let disc = Shape::Circle { radius: OBSTACLE };
         self.room.add_obstacle(&mut self.plan, &disc, Pose::new(position, 0.0))?;
-        self.crowd = crowd_of(self.stock, &self.plan)?;
+        self.crowd = crowd_of(self.stock, self.setup.crowd, &self.plan)?;
         self.robot = self.driver().robot_with(self.setup.token, &self.plan)?;
         self.scene = Scene::new(&self.plan.config, &polygons(&self.plan.scenario))?;
         Ok(())
@@ -232,8 +231,8 @@ impl<'a> Session<'a> {
     }
 }
 
-fn crowd_of(stock: &Stock, plan: &RoomPlan) -> Result<Box<dyn Crowd>> {
-    Ok(make_crowd(&plan.config, plan.crowd, &stock.pools, &plan.scenario.boundary())?)
+fn crowd_of(stock: &Stock, kind: CrowdKind, plan: &RoomPlan) -> Result<Box<dyn Crowd>> {
+    Ok(make_crowd(&plan.config, kind, &stock.pools, &plan.scenario.boundary())?)
 }
 
 #[cfg(test)]
@@ -303,8 +302,6 @@ mod tests {
         let stock = stock();
         let refused = |setup: Setup| Session::new(&stock, setup).err().unwrap().to_string();
         assert!(refused(Setup { crowd: CrowdKind::Nh, ..setup(0) }).contains("--pool"));
-        let unknown = CrowdKind::own("wanderers").unwrap();
-        assert_eq!(refused(Setup { crowd: unknown, ..setup(0) }), "unknown crowd wanderers");
         assert!(refused(Setup { policy: 1, ..setup(0) }).contains("expected less than 1"));
         assert!(refused(Setup { pedestrians: 41, ..setup(0) }).contains("at most 40"));
     }

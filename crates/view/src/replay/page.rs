@@ -11,7 +11,7 @@ use jostle_arena::config::ArenaConfig;
 use jostle_arena::metrics::EpisodeMetrics;
 use jostle_arena::replay::{EpisodeTrace, TraceFrame, beam_stride};
 use jostle_eval::protocol::Protocol;
-use jostle_peds::{CrowdKind, Pedestrian};
+use jostle_peds::{CrowdName, Pedestrian};
 use jostle_sim::LaserConfig;
 use serde::Serialize;
 
@@ -102,7 +102,7 @@ struct PolicyEntry {
 #[derive(Serialize)]
 #[expect(clippy::struct_field_names, reason = "the page's script reads these names")]
 struct Episode {
-    crowd: CrowdKind,
+    crowd: CrowdName,
     episode: u64,
     goal: [f32; 2],
     /// One for each policy.
