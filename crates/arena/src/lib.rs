@@ -1,8 +1,8 @@
 //! A robot among a crowd: rooms with one robot and pedestrians that it never met, episode by episode (paper, section "Experiments").
 //!
 //! Reading order: [`config`] (settings), [`crowds`] (who walks there), [`room`] (one room, one control period; `live`: a room that
-//! someone changes while it runs), [`robot`], [`planners`], [`loaded`] and [`driver`] (who drives the robot), [`lock_step`] (many rooms
-//! side by side); [`scene`] and [`site`] (harder places, and their outlines); [`outcome`], [`metrics`] and [`driving`] (what is measured
+//! someone changes while it runs), [`robot`], [`planners`], [`loaded`] and [`driver`] (who drives the robot), [`step`] and
+//! [`lock_step`] (many rooms side by side); [`scene`] and [`site`] (harder places, and their outlines); [`outcome`], [`metrics`] and [`driving`] (what is measured
 //! while an episode runs), [`replay`] (episodes step by step), [`identity`] (which policy it was).
 //!
 //! Architecture invariants: nothing here trains, keeps records or knows a statistic; no episode depends on the clock, the number of
@@ -26,6 +26,7 @@ pub mod robot;
 pub mod room;
 pub mod scene;
 pub mod site;
+pub mod step;
 
 pub use config::{ArenaConfig, PedestrianCrash};
 pub use crowds::Pools;
@@ -36,3 +37,4 @@ pub use loaded::LoadedPolicy;
 pub use outcome::EpisodeOutcome;
 pub use planners::Planner;
 pub use robot::{PerRow, Robot, RobotPolicy, RobotView, TrainedRobot};
+pub use step::RoomStepper;

@@ -10,9 +10,9 @@ use jostle_sim::Laser;
 use rayon::prelude::*;
 
 use crate::error::ArenaError;
-use crate::lock_step::Buffers;
 use crate::robot::Robot;
 use crate::room::{ArenaRoom, FinishedEpisode, RoomPlan};
+use crate::step::{RoomStepper, take_ended};
 
 /// The steps of an episode.
 #[derive(Clone, Debug, PartialEq)]
@@ -80,11 +80,13 @@ pub fn trace_episodes(
     let mut frames: BTreeMap<u64, Vec<TraceFrame>> =
         rooms.iter().map(|room| (room.episode(), vec![frame(plan, room, stride)])).collect();
     let mut ended = BTreeMap::new();
-    let mut buffers = Buffers::default();
+    let mut stepper = RoomStepper::default();
     while !rooms.is_empty() {
-        let finished = buffers.step(plan, robot, crowd, &mut rooms, &mut |room| {
+        let ends = stepper.step(plan, robot, crowd, &mut rooms)?;
+        for room in &rooms {
             frames.entry(room.episode()).or_default().push(frame(plan, room, stride));
-        })?;
+        }
+        let finished = take_ended(&mut rooms, ends);
         ended.extend(finished.into_iter().map(|finished| (finished.episode, finished)));
     }
     let pedestrian_token = plan.crowd.built_in().filter(|kind| kind.is_learned()).map(|_| 0);

@@ -11,7 +11,7 @@ mod live;
 
 use glam::Vec2;
 use jostle_peds::validation::Gait;
-use jostle_peds::{Crowd, CrowdKind, CrowdName, Motion as Walk, Pedestrian, RoomView, Visibility};
+use jostle_peds::{Command, Crowd, CrowdKind, CrowdName, Pedestrian, RoomView, Visibility};
 use jostle_sim::{
     CrashRule, Hit, Laser, Motion, Observer, Outcome, Pose, ScanSummary, Scenario, Sensor, Shape, SimConfig,
     SpawnConfig, Spawner, Stop, StreamRng, Streams, World, apply_limits, clip_action, maps, outcome,
@@ -369,7 +369,7 @@ impl ArenaRoom {
         &mut self,
         plan: &RoomPlan,
         action: [f32; 2],
-        walks: &[Walk],
+        walks: &[Command],
     ) -> Result<Option<FinishedEpisode>, ArenaError> {
         self.advance(plan, action, walks)?;
         self.scan_all(plan);
@@ -399,7 +399,7 @@ impl ArenaRoom {
     }
 
     /// Moves all bodies, the robot first.
-    fn advance(&mut self, plan: &RoomPlan, action: [f32; 2], walks: &[Walk]) -> Result<(), ArenaError> {
+    fn advance(&mut self, plan: &RoomPlan, action: [f32; 2], walks: &[Command]) -> Result<(), ArenaError> {
         let sim = &plan.config.sim;
         let [v, w] = action;
         if !(v.is_finite() && w.is_finite()) {
@@ -411,8 +411,8 @@ impl ArenaRoom {
         self.motions[ROBOT] = Motion::Drive { v: executed[0], w: executed[1] };
         for (motion, walk) in self.motions[1..].iter_mut().zip(walks) {
             *motion = match *walk {
-                Walk::Walk { velocity } => Motion::Walk { velocity },
-                Walk::Drive { v, w } => Motion::Drive { v, w },
+                Command::Walk { velocity } => Motion::Walk { velocity },
+                Command::Drive { v, w } => Motion::Drive { v, w },
             };
         }
         for i in 0..self.pedestrians.len() {

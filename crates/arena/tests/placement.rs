@@ -5,11 +5,11 @@ use std::io::Write as _;
 use glam::Vec2;
 use jostle_arena::ArenaConfig;
 use jostle_arena::EpisodeOutcome;
+use jostle_arena::RoomStepper;
 use jostle_arena::crowds::{Pools, make_crowd};
-use jostle_arena::lock_step::Walks;
 use jostle_arena::room::{ArenaRoom, RoomPlan};
 use jostle_arena::site::polygons;
-use jostle_peds::{CrowdKind, Motion};
+use jostle_peds::{Command, CrowdKind};
 use jostle_sim::{Laser, SimConfig};
 
 /// Few beams: what is tested here are places.
@@ -36,17 +36,14 @@ fn run(
     let plan = RoomPlan::new(config, crowd).unwrap();
     let laser = Laser::new(&config.sim.laser).unwrap();
     let mut pedestrians = make_crowd(config, crowd, &Pools::default(), &polygons(&plan.scenario)).unwrap();
-    let mut walks = Walks::default();
+    let mut stepper = RoomStepper::default();
     let mut rooms: Vec<ArenaRoom> = episodes.map(|k| ArenaRoom::new(&plan, &laser, k).unwrap()).collect();
     for _ in 0..steps {
-        walks.decide(&plan, &mut *pedestrians, &rooms).unwrap();
-        let mut over = Vec::new();
-        for (i, room) in rooms.iter_mut().enumerate() {
-            over.push(room.step(&plan, [0.0, 0.0], walks.of(i)).unwrap().is_some());
-            watch(room);
-        }
-        let mut over = over.into_iter();
-        rooms.retain(|_| !over.next().unwrap());
+        let actions = vec![[0.0; 2]; rooms.len()];
+        let ends = stepper.step_with(&plan, &mut *pedestrians, &mut rooms, &actions).unwrap();
+        rooms.iter().for_each(&mut watch);
+        let mut ends = ends.into_iter();
+        rooms.retain(|_| ends.next().unwrap().is_none());
     }
 }
 
@@ -55,13 +52,12 @@ fn hash_of_walks(config: &ArenaConfig, crowd: CrowdKind) -> u64 {
     let plan = RoomPlan::new(config, crowd).unwrap();
     let laser = Laser::new(&config.sim.laser).unwrap();
     let mut pedestrians = make_crowd(config, crowd, &Pools::default(), &polygons(&plan.scenario)).unwrap();
-    let mut walks = Walks::default();
+    let mut stepper = RoomStepper::default();
     let mut rooms: Vec<ArenaRoom> = (0..4).map(|k| ArenaRoom::new(&plan, &laser, k).unwrap()).collect();
     let mut hash: u64 = 0xCBF2_9CE4_8422_2325;
     for _ in 0..395 {
-        walks.decide(&plan, &mut *pedestrians, &rooms).unwrap();
-        for (i, room) in rooms.iter_mut().enumerate() {
-            let _ = room.step(&plan, [0.0, 0.0], walks.of(i)).unwrap();
+        stepper.step_with(&plan, &mut *pedestrians, &mut rooms, &[[0.0; 2]; 4]).unwrap();
+        for room in &rooms {
             let robot = room.robot();
             for body in room.pedestrians().iter().chain([&robot]) {
                 for x in body.position.to_array().into_iter().chain(body.goal.to_array()) {
@@ -187,7 +183,7 @@ fn a_long_robot_that_touches_something_has_crashed() {
                 let (robot, pedestrian) = (room.robot(), room.pedestrians()[0]);
                 let velocity = (robot.position - pedestrian.position).normalize_or_zero();
                 let action = [if stands { 0.0 } else { 1.0 }, 0.0];
-                if let Some(end) = room.step(&plan, action, &[Motion::Walk { velocity }]).unwrap() {
+                if let Some(end) = room.step(&plan, action, &[Command::Walk { velocity }]).unwrap() {
                     break end;
                 }
             };
@@ -220,7 +216,7 @@ fn a_long_pedestrian_that_touches_a_wall_is_put_elsewhere() {
         let mut n_still = 0;
         loop {
             let before = room.pedestrians()[0].position;
-            if room.step(&plan, [0.0, 0.0], &[Motion::Drive { v: 1.0, w: 0.0 }]).unwrap().is_some() {
+            if room.step(&plan, [0.0, 0.0], &[Command::Drive { v: 1.0, w: 0.0 }]).unwrap().is_some() {
                 break;
             }
             let moved = before.distance(room.pedestrians()[0].position);

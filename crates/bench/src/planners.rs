@@ -1,9 +1,8 @@
 //! Decisions of planners, one at a time, in rooms that are in the middle of their episodes.
 
-use jostle_arena::lock_step::Walks;
 use jostle_arena::planners::Planner;
 use jostle_arena::room::{ArenaRoom, RoomPlan};
-use jostle_arena::{ArenaConfig, Pools, Robot};
+use jostle_arena::{ArenaConfig, Pools, Robot, RoomStepper};
 use jostle_eval::Protocol;
 use jostle_peds::CrowdKind;
 use jostle_sim::Laser;
@@ -36,16 +35,11 @@ impl Decisions {
         let plan = RoomPlan::new(protocol.config(), CrowdKind::Sf)?;
         let (laser, mut crowd) = (Laser::new(&plan.config.sim.laser)?, protocol.crowd(&plan)?);
         let rooms: Result<Vec<ArenaRoom>, _> = (0..ROOMS).map(|k| ArenaRoom::new(&plan, &laser, k)).collect();
-        let (mut rooms, mut walks) = (rooms?, Walks::default());
+        let (mut rooms, mut stepper) = (rooms?, RoomStepper::default());
         for _ in 0..STEPS {
-            walks.decide(&plan, &mut *crowd, &rooms)?;
-            let mut left = Vec::with_capacity(rooms.len());
-            for (i, mut room) in rooms.into_iter().enumerate() {
-                if room.step(&plan, ACTION, walks.of(i))?.is_none() {
-                    left.push(room);
-                }
-            }
-            rooms = left;
+            let actions = vec![ACTION; rooms.len()];
+            let mut ends = stepper.step_with(&plan, &mut *crowd, &mut rooms, &actions)?.into_iter();
+            rooms.retain(|_| ends.next().is_some_and(|end| end.is_none()));
         }
         Ok(Self { robot: planner.robot(&plan)?, rooms, memory: Vec::new(), next: 0 })
     }

@@ -148,7 +148,7 @@ mod tests {
             let plan = RoomPlan::new(&config, CrowdKind::Sf).unwrap();
             for episode in 0..20 {
                 let mut room = ArenaRoom::new(&plan, &laser, episode).unwrap();
-                let still = vec![jostle_peds::Motion::STILL; config.n_pedestrians()];
+                let still = vec![jostle_peds::Command::STILL; config.n_pedestrians()];
                 let end = room.step(&plan, [0.0; 2], &still).unwrap();
                 assert!(end.is_none(), "{}: episode {episode} ends at its start: {end:?}", scene.name);
                 assert_eq!(room.pedestrians().len() + 1, config.n_agents);

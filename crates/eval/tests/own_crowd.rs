@@ -8,7 +8,7 @@ use jostle_arena::{PerRow, PolicyIdentity, Pools};
 use jostle_eval::records::read_records;
 use jostle_eval::report::evaluation::Evaluation;
 use jostle_eval::{CellRun, EvalError, Protocol, Subject};
-use jostle_peds::{Crowd, CrowdKind, CrowdName, Motion, PedsError, RoomView, Visibility};
+use jostle_peds::{Command, Crowd, CrowdKind, CrowdName, PedsError, RoomView, Visibility};
 
 /// Walks away from the robot where it sees it, else stands.
 struct Shy {
@@ -41,9 +41,9 @@ impl Crowd for Shy {
         self.version
     }
 
-    fn decide(&mut self, rooms: &[RoomView<'_>], motions: &mut [Motion]) -> Result<(), PedsError> {
+    fn decide(&mut self, rooms: &[RoomView<'_>], motions: &mut [Command]) -> Result<(), PedsError> {
         self.seen += rooms.iter().map(|room| room.others.len() as u64).sum::<u64>();
-        motions.fill(Motion::STILL);
+        motions.fill(Command::STILL);
         Ok(())
     }
 }

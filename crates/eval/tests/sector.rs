@@ -10,7 +10,7 @@ use jostle_arena::replay::trace_episodes;
 use jostle_arena::room::{ArenaRoom, RoomPlan};
 use jostle_arena::{ArenaConfig, EpisodeOutcome, LoadedPolicy, PerRow, Pools};
 use jostle_eval::Protocol;
-use jostle_peds::{CrowdKind, Motion};
+use jostle_peds::{Command, CrowdKind};
 use jostle_sim::{FRAMES, Laser, LaserConfig};
 
 /// 512 beams over half a circle.
@@ -72,7 +72,7 @@ fn learned_pedestrians_see_the_sector_that_the_robot_sees() {
         let laser = Laser::new(&config.sim.laser).unwrap();
         let mut room = ArenaRoom::new(&plan, &laser, 3).unwrap();
         for _ in 0..5 {
-            assert!(room.step(&plan, [0.5, 0.2], &[Motion::Drive { v: 0.4, w: 0.3 }; 4]).unwrap().is_none());
+            assert!(room.step(&plan, [0.5, 0.2], &[Command::Drive { v: 0.4, w: 0.3 }; 4]).unwrap().is_none());
         }
         room
     };

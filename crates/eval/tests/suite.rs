@@ -8,7 +8,7 @@ use jostle_arena::room::{ArenaRoom, RoomPlan};
 use jostle_arena::{ArenaConfig, PerRow, PolicyIdentity};
 use jostle_eval::suite::Suite;
 use jostle_eval::{Protocol, Subject};
-use jostle_peds::{CrowdKind, Motion};
+use jostle_peds::{Command, CrowdKind};
 use jostle_sim::Laser;
 
 fn config(scene: &str, base: &ArenaConfig) -> ArenaConfig {
@@ -44,7 +44,7 @@ fn paths(scene: &str, crowd: CrowdKind, episode: u64) -> Vec<Vec<Vec2>> {
     let mut pedestrians = protocol.crowd(&plan).unwrap();
     let laser = Laser::new(&config.sim.laser).unwrap();
     let mut room = ArenaRoom::new(&plan, &laser, episode).unwrap();
-    let mut motions = vec![Motion::STILL; config.n_pedestrians()];
+    let mut motions = vec![Command::STILL; config.n_pedestrians()];
     let mut path = Vec::new();
     loop {
         path.push(room.pedestrians().iter().map(|p| p.position).collect());

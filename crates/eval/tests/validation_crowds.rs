@@ -7,7 +7,7 @@ use glam::Vec2;
 use jostle_arena::room::{ArenaRoom, RoomPlan};
 use jostle_arena::{ArenaConfig, ArenaError, PerRow, PolicyIdentity, Pools};
 use jostle_eval::{Protocol, Subject};
-use jostle_peds::{CrowdKind, Motion};
+use jostle_peds::{Command, CrowdKind};
 use jostle_sim::Laser;
 
 const WALKERS: [CrowdKind; 2] = [CrowdKind::Straight, CrowdKind::StopAndGo];
@@ -19,7 +19,7 @@ fn velocities(config: &ArenaConfig, crowd: CrowdKind, episode: u64, action: [f32
     let mut walkers = protocol.crowd(&plan).unwrap();
     let laser = Laser::new(&config.sim.laser).unwrap();
     let mut room = ArenaRoom::new(&plan, &laser, episode).unwrap();
-    let mut motions = vec![Motion::STILL; config.n_pedestrians()];
+    let mut motions = vec![Command::STILL; config.n_pedestrians()];
     let mut steps = Vec::new();
     loop {
         walkers.decide(&[room.view(&[])], &mut motions).unwrap();
@@ -27,8 +27,8 @@ fn velocities(config: &ArenaConfig, crowd: CrowdKind, episode: u64, action: [f32
             motions
                 .iter()
                 .map(|motion| match motion {
-                    Motion::Walk { velocity } => *velocity,
-                    Motion::Drive { .. } => panic!("walkers do not drive"),
+                    Command::Walk { velocity } => *velocity,
+                    Command::Drive { .. } => panic!("walkers do not drive"),
                 })
                 .collect(),
         );
@@ -115,7 +115,7 @@ fn walkers_that_meet_are_put_elsewhere() {
     let mut walkers = protocol.crowd(&plan).unwrap();
     let laser = Laser::new(&config.sim.laser).unwrap();
     let mut room = ArenaRoom::new(&plan, &laser, 0).unwrap();
-    let mut motions = vec![Motion::STILL; 30];
+    let mut motions = vec![Command::STILL; 30];
     let (mut n_put, mut n_stuck) = (0, 0);
     for _ in 0..150 {
         let before: Vec<Vec2> = room.pedestrians().iter().map(|p| p.position).collect();

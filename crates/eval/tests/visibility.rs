@@ -7,7 +7,7 @@ use glam::Vec2;
 use jostle_arena::ArenaConfig;
 use jostle_arena::room::{ArenaRoom, RoomPlan};
 use jostle_eval::Protocol;
-use jostle_peds::{CrowdKind, Motion};
+use jostle_peds::{Command, CrowdKind};
 use jostle_sim::Laser;
 
 /// Where the pedestrians of an episode go while the robot repeats an action; stops with the robot's episode, or where a
@@ -19,7 +19,7 @@ fn walk(config: &ArenaConfig, crowd: CrowdKind, episode: u64, action: [f32; 2]) 
     let laser = Laser::new(&config.sim.laser).unwrap();
     let mut room = ArenaRoom::new(&plan, &laser, episode).unwrap();
     let mut path = Vec::new();
-    let mut motions = vec![Motion::STILL; config.n_pedestrians()];
+    let mut motions = vec![Command::STILL; config.n_pedestrians()];
     loop {
         let positions: Vec<Vec2> = room.pedestrians().iter().map(|p| p.position).collect();
         let jumped = |last: &Vec<Vec2>| last.iter().zip(&positions).any(|(a, b)| a.distance(*b) > 0.5);
@@ -92,7 +92,7 @@ fn who_crashes_is_put_far_from_everyone() {
     let config = brief(400);
     let plan = RoomPlan::new(&config, CrowdKind::Nh).unwrap();
     let laser = Laser::new(&config.sim.laser).unwrap();
-    let straight_on = [Motion::Drive { v: 1.0, w: 0.0 }; 4];
+    let straight_on = [Command::Drive { v: 1.0, w: 0.0 }; 4];
     let mut n_respawned = 0;
     for episode in 0..3 {
         let mut room = ArenaRoom::new(&plan, &laser, episode).unwrap();

@@ -1,14 +1,14 @@
 //! The one trait that all crowds share, and what passes through it (paper, Sect. V: the six unseen crowds).
 //!
-//! Architecture invariant: nothing here knows a simulator, a laser or a network. A crowd sees views of rooms and answers with motions.
+//! Architecture invariant: nothing here knows a simulator, a laser or a network. A crowd sees views of rooms and answers with commands.
 
 use glam::Vec2;
 
 use crate::{CrowdName, PedsError, Visibility};
 
-/// What one pedestrian does during the next control period.
+/// The command of one pedestrian for the next control period.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Motion {
+pub enum Command {
     /// Moves with a velocity in world coordinates; its heading stays.
     Walk {
         /// m/s.
@@ -23,7 +23,7 @@ pub enum Motion {
     },
 }
 
-impl Motion {
+impl Command {
     /// Standing still.
     pub const STILL: Self = Self::Walk { velocity: Vec2::ZERO };
 }
@@ -75,7 +75,7 @@ impl RoomView<'_> {
     }
 }
 
-/// A crowd: decides the motions of the pedestrians of many rooms at once, so that learned crowds infer in batches.
+/// A crowd: decides the commands of the pedestrians of many rooms at once, so that learned crowds infer in batches.
 ///
 /// A decision is a function of the views only: a crowd keeps no state between calls but scratch memory,
 /// so that a run can be resumed and rooms can be regrouped without changing a bit.
@@ -99,30 +99,30 @@ pub trait Crowd: Send {
         "1"
     }
 
-    /// Decides one motion per pedestrian, concatenated room by room.
+    /// Decides one command per pedestrian, concatenated room by room.
     ///
     /// # Errors
     /// Lists whose lengths do not fit, and non-finite input.
-    fn decide(&mut self, rooms: &[RoomView<'_>], motions: &mut [Motion]) -> Result<(), PedsError>;
+    fn decide(&mut self, rooms: &[RoomView<'_>], commands: &mut [Command]) -> Result<(), PedsError>;
 }
 
-/// An error unless there is one motion for each pedestrian of all rooms.
-pub(crate) fn check_motions(rooms: &[RoomView<'_>], motions: &[Motion]) -> Result<(), PedsError> {
+/// An error unless there is one command for each pedestrian of all rooms.
+pub(crate) fn check_commands(rooms: &[RoomView<'_>], commands: &[Command]) -> Result<(), PedsError> {
     let expected = rooms.iter().map(|room| room.pedestrians.len()).sum();
-    let found = motions.len();
-    if found == expected { Ok(()) } else { Err(PedsError::Length { what: "motions", found, expected }) }
+    let found = commands.len();
+    if found == expected { Ok(()) } else { Err(PedsError::Length { what: "commands", found, expected }) }
 }
 
-/// The rooms, each with its own part of the motions.
-pub(crate) fn with_motions<'r, 'a, 'm>(
+/// The rooms, each with its own part of the commands.
+pub(crate) fn with_commands<'r, 'a, 'm>(
     rooms: &'r [RoomView<'a>],
-    mut motions: &'m mut [Motion],
-) -> Vec<(&'r RoomView<'a>, &'m mut [Motion])> {
+    mut commands: &'m mut [Command],
+) -> Vec<(&'r RoomView<'a>, &'m mut [Command])> {
     rooms
         .iter()
         .map(|room| {
-            let (own, rest) = std::mem::take(&mut motions).split_at_mut(room.pedestrians.len());
-            motions = rest;
+            let (own, rest) = std::mem::take(&mut commands).split_at_mut(room.pedestrians.len());
+            commands = rest;
             (room, own)
         })
         .collect()
@@ -133,7 +133,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn motions_are_split_by_room() {
+    fn commands_are_split_by_room() {
         let someone =
             Pedestrian { position: Vec2::ZERO, velocity: Vec2::ZERO, heading: 0.0, goal: Vec2::ZERO };
         let crowd = [someone; 3];
@@ -144,11 +144,11 @@ mod tests {
             speed_factor: &[],
         };
         let rooms = [room(2), room(0), room(3)];
-        let mut motions = [Motion::STILL; 5];
+        let mut commands = [Command::STILL; 5];
         let lengths: Vec<usize> =
-            with_motions(&rooms, &mut motions).iter().map(|(_, own)| own.len()).collect();
+            with_commands(&rooms, &mut commands).iter().map(|(_, own)| own.len()).collect();
         assert_eq!(lengths, [2, 0, 3]);
-        assert!(check_motions(&rooms, &motions[..4]).is_err());
+        assert!(check_commands(&rooms, &commands[..4]).is_err());
     }
 
     #[test]

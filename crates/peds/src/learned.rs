@@ -7,7 +7,8 @@ use jostle_policy::{Backend, Batch, Network, NetworkConfig, PolicyError, PolicyF
 use rayon::prelude::*;
 
 use crate::{
-    Crowd, CrowdKind, CrowdName, LearnedConfig, Motion, PedsError, RoomView, Visibility, crowd::check_motions,
+    Command, Crowd, CrowdKind, CrowdName, LearnedConfig, PedsError, RoomView, Visibility,
+    crowd::check_commands,
 };
 
 /// Pedestrian i of every room acts on the mean of policy i mod pool length, clipped to the command limits; in crowd VA its linear
@@ -23,7 +24,7 @@ pub struct LearnedCrowd {
 /// A policy of the pool, with the rows that it decides for in one call.
 struct Member {
     network: Box<dyn Network>,
-    /// Indices into the motions.
+    /// Indices into the commands.
     decides: Vec<usize>,
     observations: Vec<f32>,
     tokens: Vec<u32>,
@@ -133,9 +134,9 @@ impl LearnedCrowd {
         Ok(())
     }
 
-    fn command(&self, mean: [f32; 2], factor: f32) -> Motion {
+    fn command(&self, mean: [f32; 2], factor: f32) -> Command {
         let factor = if self.kind == CrowdKind::Va { factor } else { 1.0 };
-        Motion::Drive {
+        Command::Drive {
             v: mean[0].clamp(0.0, self.limits.v_max) * factor,
             w: mean[1].clamp(-self.limits.w_max, self.limits.w_max),
         }
@@ -160,8 +161,8 @@ impl Crowd for LearnedCrowd {
         true
     }
 
-    fn decide(&mut self, rooms: &[RoomView<'_>], motions: &mut [Motion]) -> Result<(), PedsError> {
-        check_motions(rooms, motions)?;
+    fn decide(&mut self, rooms: &[RoomView<'_>], commands: &mut [Command]) -> Result<(), PedsError> {
+        check_commands(rooms, commands)?;
         self.gather(rooms)?;
         self.pool.par_iter_mut().for_each(Member::infer);
 
@@ -172,7 +173,7 @@ impl Crowd for LearnedCrowd {
                 if !mean.iter().all(|value| value.is_finite()) {
                     return Err(PedsError::PoolAnswer { policy, mean: *mean });
                 }
-                motions[at] = self.command(*mean, factors[at]);
+                commands[at] = self.command(*mean, factors[at]);
             }
         }
         Ok(())

@@ -19,7 +19,7 @@
 //!
 //! use jostle_peds::glam::Vec2;
 //! use jostle_peds::orca::{Obstacles, OrcaCrowd};
-//! use jostle_peds::{Crowd, CrowdsConfig, Motion, Pedestrian, RoomView};
+//! use jostle_peds::{Crowd, CrowdsConfig, Command, Pedestrian, RoomView};
 //!
 //! let config = CrowdsConfig::default();
 //! let mut crowd = OrcaCrowd::new(&config.orca, config.visibility.vo, 0.1, Arc::new(Obstacles::default()))?;
@@ -35,9 +35,9 @@
 //!     observations: &[],
 //!     speed_factor: &[],
 //! };
-//! let mut motions = [Motion::STILL; 2];
-//! crowd.decide(&[room], &mut motions)?;
-//! let Motion::Walk { velocity } = motions[0] else { unreachable!("ORCA walks") };
+//! let mut commands = [Command::STILL; 2];
+//! crowd.decide(&[room], &mut commands)?;
+//! let Command::Walk { velocity } = commands[0] else { unreachable!("ORCA walks") };
 //! assert!(velocity.x > 0.5 && velocity.y < 0.0, "it goes on, to the right of the other");
 //! # Ok::<(), jostle_peds::PedsError>(())
 //! ```
@@ -65,7 +65,7 @@ pub use jostle_policy as policy;
 pub use rand;
 
 pub use config::{CrowdsConfig, LearnedConfig};
-pub use crowd::{Crowd, Motion, Pedestrian, RoomView};
+pub use crowd::{Command, Crowd, Pedestrian, RoomView};
 pub use error::{MAGNITUDE_LIMIT, PedsError};
 pub use kind::CrowdKind;
 #[cfg(feature = "learned")]

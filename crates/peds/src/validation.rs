@@ -12,8 +12,8 @@ use rand_distr::{Distribution, Uniform};
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    Crowd, CrowdKind, CrowdName, Motion, PedsError, RoomView, Visibility,
-    crowd::{check_motions, with_motions},
+    Command, Crowd, CrowdKind, CrowdName, PedsError, RoomView, Visibility,
+    crowd::{check_commands, with_commands},
     error::{checked, require},
 };
 
@@ -144,14 +144,14 @@ impl Crowd for WalkersCrowd {
         Visibility::NONE
     }
 
-    fn decide(&mut self, rooms: &[RoomView<'_>], motions: &mut [Motion]) -> Result<(), PedsError> {
-        check_motions(rooms, motions)?;
-        for (room, motions) in with_motions(rooms, motions) {
+    fn decide(&mut self, rooms: &[RoomView<'_>], commands: &mut [Command]) -> Result<(), PedsError> {
+        check_commands(rooms, commands)?;
+        for (room, commands) in with_commands(rooms, commands) {
             room.check_factors()?;
-            for (i, (pedestrian, motion)) in room.pedestrians.iter().zip(motions).enumerate() {
+            for (i, (pedestrian, command)) in room.pedestrians.iter().zip(commands).enumerate() {
                 let to_goal =
                     checked("goal", pedestrian.goal)? - checked("pedestrian position", pedestrian.position)?;
-                *motion = Motion::Walk { velocity: to_goal.normalize_or_zero() * room.factor(i) };
+                *command = Command::Walk { velocity: to_goal.normalize_or_zero() * room.factor(i) };
             }
         }
         Ok(())
@@ -180,17 +180,17 @@ mod tests {
             observations: &[],
             speed_factor: &[1.5, 0.5, 1.0],
         };
-        let mut motions = [Motion::STILL; 3];
+        let mut commands = [Command::STILL; 3];
         let mut crowd = WalkersCrowd::new(CrowdKind::Straight).unwrap();
-        crowd.decide(&[room], &mut motions).unwrap();
+        crowd.decide(&[room], &mut commands).unwrap();
         let expected = [Vec2::new(0.9, 1.2), Vec2::new(-0.5, 0.0), Vec2::ZERO];
-        for (motion, expected) in motions.into_iter().zip(expected) {
-            let Motion::Walk { velocity } = motion else { panic!("{motion:?}") };
+        for (command, expected) in commands.into_iter().zip(expected) {
+            let Command::Walk { velocity } = command else { panic!("{command:?}") };
             assert!(velocity.distance(expected) < 1e-6, "{velocity}");
         }
         let lost = [walker(Vec2::NAN, Vec2::ZERO)];
         let room = RoomView { pedestrians: &lost, speed_factor: &[], ..room };
-        assert!(crowd.decide(&[room], &mut motions[..1]).is_err());
+        assert!(crowd.decide(&[room], &mut commands[..1]).is_err());
         assert!(WalkersCrowd::new(CrowdKind::Sf).is_err());
     }
 

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::Vec2;
 use jostle_peds::{
-    Crowd, CrowdKind, CrowdName, Motion, Pedestrian, RoomView, Visibility,
+    Command, Crowd, CrowdKind, CrowdName, Pedestrian, RoomView, Visibility,
     orca::{Obstacles, OrcaConfig, OrcaCrowd},
     social_force::{Border, DesiredSpeed, SocialForceConfig, SocialForceCrowd},
 };
@@ -35,13 +35,13 @@ fn view<'a>(pedestrians: &'a [Pedestrian], others: &'a [Pedestrian]) -> RoomView
 }
 
 fn decide(crowd: &mut dyn Crowd, rooms: &[RoomView<'_>]) -> Vec<Vec2> {
-    let mut motions = vec![Motion::STILL; rooms.iter().map(|room| room.pedestrians.len()).sum()];
-    crowd.decide(rooms, &mut motions).unwrap();
-    let velocity = |motion: &Motion| match motion {
-        Motion::Walk { velocity } => *velocity,
-        Motion::Drive { .. } => panic!("pedestrians of the pure models walk"),
+    let mut commands = vec![Command::STILL; rooms.iter().map(|room| room.pedestrians.len()).sum()];
+    crowd.decide(rooms, &mut commands).unwrap();
+    let velocity = |command: &Command| match command {
+        Command::Walk { velocity } => *velocity,
+        Command::Drive { .. } => panic!("pedestrians of the pure models walk"),
     };
-    motions.iter().map(velocity).collect()
+    commands.iter().map(velocity).collect()
 }
 
 /// Walks to the goals; returns positions.
@@ -143,7 +143,7 @@ fn bad_views_are_refused() {
     let people = passing();
     for mut crowd in crowds_in(&[room()], Visibility::ALL) {
         let mut check = |people: &[Pedestrian], others: &[Pedestrian], n: usize| {
-            crowd.decide(&[view(people, others)], &mut vec![Motion::STILL; n]).is_ok()
+            crowd.decide(&[view(people, others)], &mut vec![Command::STILL; n]).is_ok()
         };
         assert!(check(&people, &[], 3));
         assert!(!check(&people, &[], 2));

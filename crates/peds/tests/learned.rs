@@ -2,7 +2,7 @@
 #![cfg(feature = "learned")]
 
 use glam::Vec2;
-use jostle_peds::{Crowd, CrowdKind, LearnedConfig, LearnedCrowd, Motion, Pedestrian, RoomView, Visibility};
+use jostle_peds::{Command, Crowd, CrowdKind, LearnedConfig, LearnedCrowd, Pedestrian, RoomView, Visibility};
 use jostle_policy::{Backend, Batch, Layout, Network, NetworkConfig, Parameters, actor};
 use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
 
@@ -61,13 +61,13 @@ fn policies_are_cycled_clipped_and_scaled_by_the_factor_in_va_alone() {
     let second = [0.7, 0.1];
     let rooms = [room(&people, &first, &[0.5, 1.0, 1.5]), room(&people[..1], &second, &[])];
     let decide = |kind| {
-        let mut motions = [Motion::STILL; 4];
+        let mut commands = [Command::STILL; 4];
         let mut crowd =
             LearnedCrowd::new(kind, Visibility::ALL, &LearnedConfig::default(), 2, pool()).unwrap();
-        crowd.decide(&rooms, &mut motions).unwrap();
-        motions
+        crowd.decide(&rooms, &mut commands).unwrap();
+        commands
     };
-    let drive = |v, w| Motion::Drive { v, w };
+    let drive = |v, w| Command::Drive { v, w };
     let plain = [drive(0.1, 0.5), drive(0.5, -1.0), drive(0.2, 0.0), drive(0.7, 0.1)];
     assert_eq!(decide(CrowdKind::Nh), plain);
     assert_eq!(decide(CrowdKind::So), plain);
@@ -82,7 +82,7 @@ fn what_does_not_fit_is_refused() {
     let people = [SOMEONE; 2];
     let mut crowd = LearnedCrowd::new(CrowdKind::Nh, Visibility::ALL, &limits, 2, pool()).unwrap();
     let mut decide = |observations: &[f32], factor: &[f32], n: usize| {
-        crowd.decide(&[room(&people, observations, factor)], &mut vec![Motion::STILL; n])
+        crowd.decide(&[room(&people, observations, factor)], &mut vec![Command::STILL; n])
     };
     assert!(decide(&[0.0; 4], &[], 2).is_ok());
     assert!(decide(&[0.0; 3], &[], 2).is_err());
@@ -100,16 +100,16 @@ fn real_policies_answer_as_they_do_alone() {
     let len = config.observation_len();
     let people = [SOMEONE; 3];
     let rows: Vec<f32> = (0..3 * len).map(|i| (i as f32 * 0.37).sin() * 0.5).collect();
-    let mut motions = [Motion::STILL; 3];
+    let mut commands = [Command::STILL; 3];
     let pool = vec![network(1), network(2)];
     let mut crowd =
         LearnedCrowd::new(CrowdKind::In, Visibility::PEDESTRIANS, &LearnedConfig::default(), len, pool)
             .unwrap();
-    crowd.decide(&[room(&people, &rows, &[])], &mut motions).unwrap();
+    crowd.decide(&[room(&people, &rows, &[])], &mut commands).unwrap();
     for (i, seed) in [1, 2, 1].into_iter().enumerate() {
         let mut mean = [0.0; 2];
         network(seed).infer(Batch::new(&rows[i * len..(i + 1) * len], &[0]), &mut mean);
-        let Motion::Drive { v, w } = motions[i] else { panic!("{:?}", motions[i]) };
+        let Command::Drive { v, w } = commands[i] else { panic!("{:?}", commands[i]) };
         assert!((v - mean[0]).abs() < 1e-6 && (w - mean[1]).abs() < 1e-6, "{i}: {v} {w} {mean:?}");
     }
 }

@@ -5,11 +5,10 @@
 
 use std::sync::Arc;
 
-use jostle_arena::lock_step::Walks;
 use jostle_arena::room::{ArenaRoom, FinishedEpisode, RoomPlan};
-use jostle_arena::{EpisodeOutcome, PolicyIdentity};
+use jostle_arena::{EpisodeOutcome, PolicyIdentity, RoomStepper};
 use jostle_eval::{EvalError, Protocol, Subject};
-use jostle_peds::{Crowd, Motion};
+use jostle_peds::Crowd;
 use jostle_sim::{
     Laser, Outcome, Pose, Scenario, Shape, Streams, ZoneBody, clip_action, reward, safety_zone,
 };
@@ -81,7 +80,7 @@ pub struct CrowdRooms {
     plan: Arc<RoomPlan>,
     crowd: Box<dyn Crowd>,
     laser: Laser,
-    walks: Walks,
+    stepper: RoomStepper,
     rooms: Vec<ArenaRoom>,
     courses: Vec<Course>,
 }
@@ -115,7 +114,7 @@ impl CrowdRooms {
             .collect::<Result<Vec<_>, _>>()?;
         let courses = seeds.zip(&rooms).map(|(seed, room)| Course::new(seed, room)).collect();
         let (protocol, plan) = (Arc::new(protocol), Arc::new(plan));
-        Ok(Self { protocol, plan, crowd, laser, walks: Walks::default(), rooms, courses })
+        Ok(Self { protocol, plan, crowd, laser, stepper: RoomStepper::default(), rooms, courses })
     }
 
     /// The same rooms once more, each where it stands.
@@ -129,7 +128,7 @@ impl CrowdRooms {
             plan: Arc::clone(&self.plan),
             crowd: self.protocol.crowd(&self.plan)?,
             laser: self.laser.sibling(),
-            walks: Walks::default(),
+            stepper: RoomStepper::default(),
             rooms: self.rooms.clone(),
             courses: self.courses.clone(),
         })
@@ -169,8 +168,8 @@ impl CrowdRooms {
             let mut room = [ArenaRoom::seeded(&self.plan, &self.laser, saved.seed, saved.episode)?];
             let mut course = Course::new(saved.seed, &room[0]);
             for action in &saved.actions {
-                self.walks.decide(&self.plan, &mut *self.crowd, &room)?;
-                course.step(&self.plan, &mut room[0], *action, self.walks.of(0))?;
+                let ends = self.stepper.step_with(&self.plan, &mut *self.crowd, &mut room, &[*action])?;
+                course.follow(&self.plan, &mut room[0], *action, ends[0]);
             }
             rooms.extend(room);
             courses.push(course);
@@ -213,16 +212,16 @@ impl CrowdRooms {
     /// Actions that are not finite and rooms whose episode has ended are refused before anything moves.
     pub fn step(&mut self, actions: &[[f32; 2]]) -> Result<Vec<RoomStep>, EvalError> {
         self.check(actions)?;
-        self.walks.decide(&self.plan, &mut *self.crowd, &self.rooms)?;
-        let (plan, walks) = (&self.plan, &self.walks);
+        let ends = self.stepper.step_with(&self.plan, &mut *self.crowd, &mut self.rooms, actions)?;
+        let plan = &self.plan;
         let one = |(i, (room, course)): (usize, (&mut ArenaRoom, &mut Course))| {
-            course.step(plan, room, actions[i], walks.of(i))
+            course.follow(plan, room, actions[i], ends[i])
         };
         if self.rooms.len() == 1 {
             // One room: no need to wake another thread.
-            return self.rooms.iter_mut().zip(&mut self.courses).enumerate().map(one).collect();
+            return Ok(self.rooms.iter_mut().zip(&mut self.courses).enumerate().map(one).collect());
         }
-        self.rooms.par_iter_mut().zip(&mut self.courses).enumerate().map(one).collect()
+        Ok(self.rooms.par_iter_mut().zip(&mut self.courses).enumerate().map(one).collect())
     }
 
     fn check(&self, actions: &[[f32; 2]]) -> Result<(), EvalError> {
@@ -293,14 +292,14 @@ impl Course {
         Self { seed, goal_distance, min_clearance, ended: false, actions: Vec::new() }
     }
 
-    fn step(
+    /// Follows a step that the room has made with an action, and whose result is `end`.
+    fn follow(
         &mut self,
         plan: &RoomPlan,
         room: &mut ArenaRoom,
         action: [f32; 2],
-        walks: &[Motion],
-    ) -> Result<RoomStep, EvalError> {
-        let end = room.step(plan, action, walks)?;
+        end: Option<FinishedEpisode>,
+    ) -> RoomStep {
         self.actions.push(action);
         let clearance = room.robot_clearance();
         self.min_clearance = self.min_clearance.min(clearance);
@@ -330,7 +329,7 @@ impl Course {
             self.ended = true;
         }
         let end = end.map(|finished| EpisodeEnd { finished, min_clearance: self.min_clearance });
-        Ok(RoomStep { reward: worth, clearance, end })
+        RoomStep { reward: worth, clearance, end }
     }
 }
 

@@ -139,7 +139,7 @@ fn refuse(field: &'static str, found: Vec2, expected: String) -> Result<(), Aren
 
 #[cfg(test)]
 mod tests {
-    use jostle_peds::{CrowdKind, Motion as Walk};
+    use jostle_peds::{Command, CrowdKind};
     use jostle_sim::Laser;
 
     use super::*;
@@ -172,7 +172,7 @@ mod tests {
     #[test]
     fn a_goal_is_seen_at_once_and_starts_the_time_anew() {
         let (plan, mut room) = room();
-        let still = vec![Walk::STILL; 2];
+        let still = vec![Command::STILL; 2];
         for _ in 0..5 {
             assert!(room.step(&plan, [0.0, 0.0], &still).unwrap().is_none());
         }
@@ -199,7 +199,7 @@ mod tests {
         let row = plan.config.sim.observation_len();
         assert_eq!(room.view(&[]).observations.len(), 3 * row);
         assert!(room.view(&[]).observations[2 * row..].iter().any(|value| *value != 0.0));
-        let walks = [Walk::STILL, Walk::STILL, Walk::Drive { v: 1.0, w: 0.0 }];
+        let walks = [Command::STILL, Command::STILL, Command::Drive { v: 1.0, w: 0.0 }];
         room.step(&plan, [0.0, 0.0], &walks).unwrap();
         assert!((room.pedestrians()[2].position.distance(place) - 0.1).abs() < 1e-5);
         let near = room.robot().position + Vec2::new(0.2, 0.0);
@@ -257,7 +257,7 @@ mod tests {
             let seen = Pose::new(room.robot().position, room.robot().heading).point_in_frame(ahead);
             let turn = seen.to_angle();
             let action = [if turn.abs() < 0.1 { 1.0 } else { 0.0 }, turn.clamp(-1.0, 1.0)];
-            outcome = room.step(&plan, action, &[Walk::STILL; 2]).unwrap();
+            outcome = room.step(&plan, action, &[Command::STILL; 2]).unwrap();
             if outcome.is_some() {
                 break;
             }

@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 
 use super::{AgentParameters, Obstacles, OrcaSimulator};
 use crate::{
-    Crowd, CrowdKind, CrowdName, Motion, Pedestrian, PedsError, RoomView, Visibility,
-    crowd::{check_motions, with_motions},
+    Command, Crowd, CrowdKind, CrowdName, Pedestrian, PedsError, RoomView, Visibility,
+    crowd::{check_commands, with_commands},
     error::{checked, require},
 };
 
@@ -118,21 +118,21 @@ impl Crowd for OrcaCrowd {
         false
     }
 
-    fn decide(&mut self, rooms: &[RoomView<'_>], motions: &mut [Motion]) -> Result<(), PedsError> {
-        check_motions(rooms, motions)?;
+    fn decide(&mut self, rooms: &[RoomView<'_>], commands: &mut [Command]) -> Result<(), PedsError> {
+        check_commands(rooms, commands)?;
         if self.simulators.len() < rooms.len() {
             self.simulators.resize(rooms.len(), self.empty.clone());
         }
         let (parameters, robot, visibility) = (self.parameters, self.robot, self.visibility);
-        with_motions(rooms, motions).into_par_iter().zip(&mut self.simulators[..rooms.len()]).try_for_each(
-            |((room, motions), simulator)| {
+        with_commands(rooms, commands).into_par_iter().zip(&mut self.simulators[..rooms.len()]).try_for_each(
+            |((room, commands), simulator)| {
                 let others = if visibility.robot { room.others } else { &[] };
                 let mut planner = Planner { simulator, parameters: &parameters, robot: &robot, others };
                 if visibility.pedestrians {
-                    return planner.decide(room.pedestrians, motions);
+                    return planner.decide(room.pedestrians, commands);
                 }
-                let alone = room.pedestrians.chunks(1).zip(motions.chunks_mut(1));
-                alone.into_iter().try_for_each(|(pedestrian, motion)| planner.decide(pedestrian, motion))
+                let alone = room.pedestrians.chunks(1).zip(commands.chunks_mut(1));
+                alone.into_iter().try_for_each(|(pedestrian, command)| planner.decide(pedestrian, command))
             },
         )
     }
@@ -147,7 +147,7 @@ struct Planner<'a> {
 
 impl Planner<'_> {
     /// Plans for pedestrians that see each other and the others.
-    fn decide(&mut self, pedestrians: &[Pedestrian], motions: &mut [Motion]) -> Result<(), PedsError> {
+    fn decide(&mut self, pedestrians: &[Pedestrian], commands: &mut [Command]) -> Result<(), PedsError> {
         self.simulator.clear_agents();
         for pedestrian in pedestrians {
             let agent =
@@ -159,8 +159,8 @@ impl Planner<'_> {
             self.simulator.add_agent(other.position, other.velocity, self.robot)?;
         }
         self.simulator.plan();
-        for (agent, motion) in motions.iter_mut().enumerate() {
-            *motion = Motion::Walk { velocity: self.simulator.planned_velocity(agent) };
+        for (agent, command) in commands.iter_mut().enumerate() {
+            *command = Command::Walk { velocity: self.simulator.planned_velocity(agent) };
         }
         Ok(())
     }

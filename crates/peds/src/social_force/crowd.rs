@@ -6,8 +6,8 @@ use rayon::prelude::*;
 
 use super::{Border, SocialForce, SocialForceConfig, Walker};
 use crate::{
-    Crowd, CrowdKind, CrowdName, Motion, Pedestrian, PedsError, RoomView, Visibility,
-    crowd::{check_motions, with_motions},
+    Command, Crowd, CrowdKind, CrowdName, Pedestrian, PedsError, RoomView, Visibility,
+    crowd::{check_commands, with_commands},
     error::{checked, require},
 };
 
@@ -48,7 +48,7 @@ impl SocialForceCrowd {
         })
     }
 
-    fn decide_room(&self, room: &RoomView<'_>, motions: &mut [Motion]) -> Result<(), PedsError> {
+    fn decide_room(&self, room: &RoomView<'_>, commands: &mut [Command]) -> Result<(), PedsError> {
         room.check_factors()?;
         let mut walkers = Vec::with_capacity(room.pedestrians.len() + room.others.len());
         for (i, pedestrian) in room.pedestrians.iter().enumerate() {
@@ -61,7 +61,7 @@ impl SocialForceCrowd {
         }
         let n_pedestrians = room.pedestrians.len();
         let mut alone = Vec::new();
-        for (a, motion) in motions.iter_mut().enumerate() {
+        for (a, command) in commands.iter_mut().enumerate() {
             let velocity = if self.visibility.pedestrians {
                 self.model.next_velocity(a, &walkers, &self.borders, self.time_step)
             } else {
@@ -70,7 +70,7 @@ impl SocialForceCrowd {
                 alone.extend_from_slice(&walkers[n_pedestrians..]);
                 self.model.next_velocity(0, &alone, &self.borders, self.time_step)
             };
-            *motion = Motion::Walk { velocity: velocity.as_vec2() };
+            *command = Command::Walk { velocity: velocity.as_vec2() };
         }
         Ok(())
     }
@@ -89,10 +89,10 @@ impl Crowd for SocialForceCrowd {
         false
     }
 
-    fn decide(&mut self, rooms: &[RoomView<'_>], motions: &mut [Motion]) -> Result<(), PedsError> {
-        check_motions(rooms, motions)?;
-        with_motions(rooms, motions)
+    fn decide(&mut self, rooms: &[RoomView<'_>], commands: &mut [Command]) -> Result<(), PedsError> {
+        check_commands(rooms, commands)?;
+        with_commands(rooms, commands)
             .into_par_iter()
-            .try_for_each(|(room, motions)| self.decide_room(room, motions))
+            .try_for_each(|(room, commands)| self.decide_room(room, commands))
     }
 }

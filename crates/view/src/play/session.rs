@@ -9,8 +9,8 @@ use jostle_arena::crowds::{Pools, make_crowd};
 use jostle_arena::replay::beam_stride;
 use jostle_arena::room::{ArenaRoom, RoomPlan};
 use jostle_arena::site::polygons;
-use jostle_arena::{EpisodeOutcome, Robot};
-use jostle_peds::{Crowd, CrowdKind, Motion, Pedestrian};
+use jostle_arena::{EpisodeOutcome, Robot, RoomStepper};
+use jostle_peds::{Crowd, CrowdKind, Pedestrian};
 use jostle_sim::{Laser, Pose, Shape};
 
 use super::message::{Frame, PolicyChoice, Setup, Tell};
@@ -56,7 +56,7 @@ pub(crate) struct Session<'a> {
     crowd: Box<dyn Crowd>,
     robot: Box<dyn Robot>,
     /// The robot's, kept from step to step.
-    memory: Vec<f32>,
+    stepper: RoomStepper,
     room: ArenaRoom,
     episode: u64,
     /// Steps since the episode began.
@@ -105,7 +105,7 @@ impl<'a> Session<'a> {
             plan,
             laser,
             robot,
-            memory: Vec::new(),
+            stepper: RoomStepper::default(),
             episode,
             step: 0,
             outcome: None,
@@ -120,15 +120,9 @@ impl<'a> Session<'a> {
         if self.outcome.is_some() {
             return Ok(());
         }
-        let mut action = [[0.0; 2]];
-        let mut view = std::iter::once(self.room.robot_view());
-        self.robot.drive(&mut view, &mut self.memory, &mut action)?;
-        let robot = self.room.robot();
-        let others = if self.plan.visibility.robot { std::slice::from_ref(&robot) } else { &[] };
-        let mut walks = vec![Motion::STILL; self.plan.config.n_pedestrians()];
-        self.crowd.decide(&[self.room.view(others)], &mut walks)?;
-        let ended = self.room.step(&self.plan, action[0], &walks)?;
-        self.outcome = ended.map(|ended| ended.outcome);
+        let room = std::slice::from_mut(&mut self.room);
+        let ends = self.stepper.step(&self.plan, &mut *self.robot, &mut *self.crowd, room)?;
+        self.outcome = ends[0].map(|ended| ended.outcome);
         self.step += 1;
         Ok(())
     }
