@@ -2,7 +2,7 @@
 //!
 //! Reading order: [`config`] (settings), [`crowds`] (who walks there), [`room`] (one room, one control period; `live`: a room that
 //! someone changes while it runs), [`robot`], [`planners`], [`loaded`] and [`driver`] (who drives the robot), [`step`] and
-//! [`lock_step`] (many rooms side by side); [`scene`] and [`site`] (harder places, and their outlines); [`outcome`], [`metrics`] and [`driving`] (what is measured
+//! [`lock_step`] (many rooms side by side); [`scene`] and [`site`] (harder places, and their outlines); [`Outcome`], [`metrics`] and [`driving`] (what is measured
 //! while an episode runs), [`replay`] (episodes step by step), [`identity`] (which policy it was).
 //!
 //! Architecture invariants: nothing here trains, keeps records or knows a statistic; no episode depends on the clock, the number of
@@ -19,7 +19,6 @@ pub mod identity;
 pub mod loaded;
 pub mod lock_step;
 pub mod metrics;
-pub mod outcome;
 pub mod planners;
 pub mod replay;
 pub mod robot;
@@ -34,7 +33,9 @@ pub use driver::Driver;
 pub use error::ArenaError;
 pub use identity::PolicyIdentity;
 pub use loaded::LoadedPolicy;
-pub use outcome::EpisodeOutcome;
 pub use planners::Planner;
 pub use robot::{PerRow, Robot, RobotPolicy, RobotView, TrainedRobot};
 pub use step::RoomStepper;
+
+// The outcome of an episode, in a test as in training.
+pub use jostle_sim::Outcome;

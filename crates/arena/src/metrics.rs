@@ -5,7 +5,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::outcome::EpisodeOutcome;
+use jostle_sim::Outcome;
 
 /// What the metrics need to know of the task.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -43,14 +43,14 @@ impl EpisodeMetrics {
     /// extra time = T − (d₀ − `r_goal`)/`v_max`; extra distance = L − (d₀ − `r_goal`); average speed = L/T.
     pub fn from_totals(
         scale: &MetricScale,
-        outcome: EpisodeOutcome,
+        outcome: Outcome,
         steps: u64,
         path_length: f64,
         straight_distance: f64,
     ) -> Self {
         let time = scale.dt * steps as f64;
         let to_edge = straight_distance - scale.goal_radius;
-        let success = outcome == EpisodeOutcome::Success;
+        let success = outcome == Outcome::Success;
         Self {
             time,
             path_length,
@@ -68,7 +68,7 @@ impl EpisodeMetrics {
     /// If `positions` is empty.
     pub fn from_positions(
         scale: &MetricScale,
-        outcome: EpisodeOutcome,
+        outcome: Outcome,
         positions: &[[f64; 2]],
         goal: [f64; 2],
     ) -> Self {
@@ -91,7 +91,7 @@ mod tests {
 
     #[test]
     fn a_success_without_a_step_has_no_speed() {
-        let metrics = EpisodeMetrics::from_totals(&SCALE, EpisodeOutcome::Success, 0, 0.0, 0.5);
+        let metrics = EpisodeMetrics::from_totals(&SCALE, Outcome::Success, 0, 0.0, 0.5);
         assert_eq!((metrics.extra_time, metrics.extra_distance), (Some(0.0), Some(0.0)));
         assert_eq!(metrics.average_speed, None);
     }

@@ -14,14 +14,13 @@ use jostle_peds::validation::Gait;
 use jostle_peds::{Command, Crowd, CrowdKind, CrowdName, Pedestrian, RoomView, Visibility};
 use jostle_sim::{
     CrashRule, Hit, Laser, Motion, Observer, Outcome, Pose, ScanSummary, Scenario, Sensor, Shape, SimConfig,
-    SpawnConfig, Spawner, Stop, StreamRng, Streams, World, apply_limits, clip_action, maps, outcome,
+    SpawnConfig, Spawner, StepEnd, Stop, StreamRng, Streams, World, apply_limits, clip_action, maps, outcome,
 };
 
 use crate::config::{ArenaConfig, PedestrianCrash};
 use crate::driving::{Driving, DrivingMeter, Neighbour};
 use crate::error::ArenaError;
 use crate::metrics::{EpisodeMetrics, MetricScale, distance};
-use crate::outcome::EpisodeOutcome;
 use crate::robot::RobotView;
 
 /// The robot's index among the bodies.
@@ -139,7 +138,7 @@ pub struct FinishedEpisode {
     /// Its index.
     pub episode: u64,
     /// How it ended.
-    pub outcome: EpisodeOutcome,
+    pub outcome: Outcome,
     /// Steps until then.
     pub steps: u64,
     /// The robot's start.
@@ -477,19 +476,15 @@ impl ArenaRoom {
     }
 
     /// Goal, then crash, then time limit.
-    fn outcome(&self, plan: &RoomPlan) -> Option<EpisodeOutcome> {
+    fn outcome(&self, plan: &RoomPlan) -> Option<Outcome> {
         let limits = &plan.config.sim.episode;
         let goal_distance = self.world.pose(ROBOT).position.distance(self.goal);
         let crash = plan.crash_rule.crash(self.summaries[ROBOT], &self.stops, ROBOT, |_| true);
-        match outcome(goal_distance, limits.goal_radius, crash) {
-            Some(Outcome::Success) => Some(EpisodeOutcome::Success),
-            Some(Outcome::CollisionWall) => Some(EpisodeOutcome::CollisionWall),
-            Some(Outcome::CollisionAgent) => Some(EpisodeOutcome::CollisionPedestrian),
-            None => (self.steps >= limits.step_limit).then_some(EpisodeOutcome::Timeout),
-        }
+        let reached = outcome(goal_distance, limits.goal_radius, crash);
+        StepEnd::new(reached, self.steps, limits.step_limit).outcome()
     }
 
-    fn finished(&self, plan: &RoomPlan, outcome: EpisodeOutcome) -> FinishedEpisode {
+    fn finished(&self, plan: &RoomPlan, outcome: Outcome) -> FinishedEpisode {
         let (start, goal) = (self.start.position.to_array(), self.goal.to_array());
         let straight = distance(start.map(f64::from), goal.map(f64::from));
         let steps = u64::from(self.steps);

@@ -4,7 +4,7 @@ use std::io::Write as _;
 
 use glam::Vec2;
 use jostle_arena::ArenaConfig;
-use jostle_arena::EpisodeOutcome;
+use jostle_arena::Outcome;
 use jostle_arena::RoomStepper;
 use jostle_arena::crowds::{Pools, make_crowd};
 use jostle_arena::room::{ArenaRoom, RoomPlan};
@@ -188,10 +188,10 @@ fn a_long_robot_that_touches_something_has_crashed() {
                 }
             };
             match end.outcome {
-                EpisodeOutcome::CollisionWall => outcomes[0] += 1,
-                EpisodeOutcome::CollisionPedestrian => outcomes[1] += 1,
-                EpisodeOutcome::Timeout => outcomes[2] += 1,
-                EpisodeOutcome::Success => {}
+                Outcome::CollisionWall => outcomes[0] += 1,
+                Outcome::CollisionPedestrian => outcomes[1] += 1,
+                Outcome::Timeout => outcomes[2] += 1,
+                Outcome::Success => {}
             }
         }
     }

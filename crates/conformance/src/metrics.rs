@@ -1,8 +1,8 @@
 //! Episode metrics, their summaries, Wilson intervals and paired tests.
 
 use anyhow::{Context as _, Result};
+use jostle_arena::Outcome;
 use jostle_arena::metrics::{EpisodeMetrics, MetricScale};
-use jostle_arena::outcome::EpisodeOutcome;
 use jostle_eval::metrics::{MeanStd, Summary};
 use jostle_eval::statistics::{Interval, Mcnemar, PairedCounts, wilson};
 use serde::Deserialize;
@@ -30,7 +30,7 @@ struct Case {
 #[derive(Deserialize)]
 struct Episode {
     goal: [f64; 2],
-    outcome: EpisodeOutcome,
+    outcome: Outcome,
     positions: Vec<[f64; 2]>,
 }
 

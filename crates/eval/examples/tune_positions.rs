@@ -12,7 +12,7 @@ use jostle_arena::lock_step::run_episodes;
 use jostle_arena::planners::each_room::EachRoom;
 use jostle_arena::planners::{OrcaRobot, OrcaRobotConfig, SocialForceRobot, SocialForceRobotConfig};
 use jostle_arena::room::RoomPlan;
-use jostle_arena::{ArenaConfig, EpisodeOutcome, Pools, Robot};
+use jostle_arena::{ArenaConfig, Outcome, Pools, Robot};
 use jostle_eval::{EvalError, Protocol};
 use jostle_peds::CrowdKind;
 
@@ -58,7 +58,7 @@ fn try_setting(label: &str, episodes: u64, make: &Make) -> Result<(), EvalError>
         let plan = RoomPlan::new(protocol.config(), kind)?;
         let (mut robot, mut crowd, mut successes) = (make(&plan)?, protocol.crowd(&plan)?, 0_u64);
         run_episodes::<EvalError>(&plan, &mut *robot, &mut *crowd, 0..episodes, |episode| {
-            successes += u64::from(episode.outcome == EpisodeOutcome::Success);
+            successes += u64::from(episode.outcome == Outcome::Success);
             Ok(())
         })?;
         rates.push(successes as f64 / episodes as f64);

@@ -22,10 +22,10 @@ use serde::{Deserialize, Serialize};
 use crate::cell::CellKey;
 use crate::error::EvalError;
 use crate::records::EpisodeRecord;
+use jostle_arena::Outcome;
 use jostle_arena::driving::Driving;
 use jostle_arena::identity::PolicyIdentity;
 use jostle_arena::metrics::{EpisodeMetrics, MetricScale};
-use jostle_arena::outcome::EpisodeOutcome;
 
 /// The format's name in the first line.
 pub const FORMAT: &str = "jostle-cell-1";
@@ -38,7 +38,7 @@ const DECIMALS: usize = 7;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CompactEpisode {
     /// How it ended.
-    pub outcome: EpisodeOutcome,
+    pub outcome: Outcome,
     /// Time, way and extras.
     pub metrics: EpisodeMetrics,
     /// Nearness, smoothness, stalling; `None` where the cell was stored before there were these values.
@@ -48,7 +48,7 @@ pub struct CompactEpisode {
 /// A line of a file, rounded as it is written.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Line {
-    outcome: EpisodeOutcome,
+    outcome: Outcome,
     steps: u64,
     path: f64,
     straight: f64,
@@ -171,12 +171,12 @@ fn rounded(value: f64) -> f64 {
     format!("{value:.DECIMALS$}").parse().expect("a printed number can be read")
 }
 
-fn letter(outcome: EpisodeOutcome) -> char {
+fn letter(outcome: Outcome) -> char {
     match outcome {
-        EpisodeOutcome::Success => 'S',
-        EpisodeOutcome::CollisionWall => 'W',
-        EpisodeOutcome::CollisionPedestrian => 'P',
-        EpisodeOutcome::Timeout => 'T',
+        Outcome::Success => 'S',
+        Outcome::CollisionWall => 'W',
+        Outcome::CollisionPedestrian => 'P',
+        Outcome::Timeout => 'T',
     }
 }
 
@@ -193,7 +193,7 @@ fn driving_text(driving: &Driving) -> String {
 fn parse_line(line: &str) -> Option<Line> {
     let mut fields = line.split(' ');
     let first = fields.next()?;
-    let outcome = *EpisodeOutcome::ALL.iter().find(|outcome| first == letter(**outcome).to_string())?;
+    let outcome = *Outcome::ALL.iter().find(|outcome| first == letter(**outcome).to_string())?;
     let steps = fields.next()?.parse().ok()?;
     let (path, straight) = (amount(fields.next()?)?, amount(fields.next()?)?);
     let driving = match fields.next() {
@@ -247,7 +247,7 @@ mod tests {
         let scale = MetricScale { dt: 0.1, goal_radius: 0.5, v_max: 1.0 };
         let identity = PolicyIdentity::custom("test", "1");
         let record = |episode: u64| {
-            let outcome = EpisodeOutcome::ALL[episode as usize];
+            let outcome = Outcome::ALL[episode as usize];
             EpisodeRecord {
                 episode,
                 crowd: key.crowd,

@@ -8,9 +8,9 @@
 //! A. Francis et al., "Principles and Guidelines for Evaluating Social Robot Navigation Algorithms", 2023, arXiv:2306.16740, names
 //! these measures. P. Anderson et al., "On Evaluation of Embodied Navigation Agents", 2018, arXiv:1807.06757 (SPL).
 
+use jostle_arena::Outcome;
 use jostle_arena::driving::Driving;
 use jostle_arena::metrics::{EpisodeMetrics, MetricScale};
-use jostle_arena::outcome::EpisodeOutcome;
 use serde::{Deserialize, Serialize};
 
 use crate::report::suite::cvar;
@@ -51,7 +51,7 @@ pub struct DrivingSummary {
 #[derive(Clone, Copy, Debug)]
 pub struct Driven<'a> {
     /// How it ended.
-    pub outcome: EpisodeOutcome,
+    pub outcome: Outcome,
     /// Time and way.
     pub metrics: &'a EpisodeMetrics,
     /// `None` for an episode that was stored before there were these values.
@@ -71,11 +71,11 @@ impl DrivingSummary {
         for Driven { outcome, metrics, driving } in episodes {
             let edge = (metrics.straight_distance - scale.goal_radius).max(0.0);
             let share = |whole: f64| if whole > edge { edge / whole } else { 1.0 };
-            if outcome == EpisodeOutcome::Success {
+            if outcome == Outcome::Success {
                 path.push(share(metrics.path_length));
                 time.push(share(scale.v_max * metrics.time));
             }
-            spl.push(if outcome == EpisodeOutcome::Success { share(metrics.path_length) } else { 0.0 });
+            spl.push(if outcome == Outcome::Success { share(metrics.path_length) } else { 0.0 });
             driven = driven.zip(driving).map(|(mut all, driving)| {
                 all.push((outcome, metrics.time, *driving));
                 all
@@ -91,11 +91,9 @@ impl DrivingSummary {
         };
         let clearances: Vec<f64> =
             driven.iter().filter_map(|(_, _, driving)| driving.min_clearance).collect();
-        let deadlock = |(outcome, _, driving): &(EpisodeOutcome, f64, Driving)| {
+        let deadlock = |(outcome, _, driving): &(Outcome, f64, Driving)| {
             let stood = driving.final_stall_steps as f64 * scale.dt;
-            f64::from(u8::from(
-                *outcome == EpisodeOutcome::Timeout && stood >= DEADLOCK_TIME - scale.dt / 2.0,
-            ))
+            f64::from(u8::from(*outcome == Outcome::Timeout && stood >= DEADLOCK_TIME - scale.dt / 2.0))
         };
         Self {
             spl: mean(&spl),
@@ -158,7 +156,7 @@ mod tests {
     /// Successes of 10 m to the goal's edge by ways of 10 m in 10 s and 12.5 m in 20 s, a crash, and a timeout that stood.
     #[test]
     fn a_summary_by_hand() {
-        use EpisodeOutcome::{CollisionPedestrian, Success, Timeout};
+        use Outcome::{CollisionPedestrian, Success, Timeout};
         let scale = MetricScale { dt: 0.5, goal_radius: 0.5, v_max: 1.0 };
         let rows =
             [(Success, 20, 10.0), (Success, 40, 12.5), (CollisionPedestrian, 10, 2.0), (Timeout, 80, 3.0)];

@@ -11,8 +11,8 @@
 use serde::{Deserialize, Serialize};
 
 use crate::statistics::{Interval, wilson};
+use jostle_arena::Outcome;
 use jostle_arena::metrics::EpisodeMetrics;
-use jostle_arena::outcome::EpisodeOutcome;
 
 /// Mean and sample standard deviation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -85,11 +85,8 @@ pub struct Summary {
 
 impl Summary {
     /// Summary of episodes in the given order.
-    pub fn of<'a>(
-        v_max: f64,
-        episodes: impl IntoIterator<Item = (EpisodeOutcome, &'a EpisodeMetrics)>,
-    ) -> Self {
-        let mut counts = [0_u64; EpisodeOutcome::ALL.len()];
+    pub fn of<'a>(v_max: f64, episodes: impl IntoIterator<Item = (Outcome, &'a EpisodeMetrics)>) -> Self {
+        let mut counts = [0_u64; Outcome::ALL.len()];
         let (mut times, mut distances, mut speeds) = (Vec::new(), Vec::new(), Vec::new());
         let mut check = DistanceCheck { worst: None, violations: 0 };
         for (outcome, metrics) in episodes {
@@ -132,7 +129,7 @@ mod tests {
     #[test]
     fn one_success_by_hand() {
         let positions = [[0.0, 0.0], [3.0, 4.0], [3.0, 7.5]];
-        let metrics = EpisodeMetrics::from_positions(&SCALE, EpisodeOutcome::Success, &positions, [3.0, 8.0]);
+        let metrics = EpisodeMetrics::from_positions(&SCALE, Outcome::Success, &positions, [3.0, 8.0]);
         assert_eq!(metrics.time, 1.0);
         assert_eq!(metrics.path_length, 8.5);
         let to_edge = 73.0_f64.sqrt() - 0.5;
@@ -140,16 +137,16 @@ mod tests {
         assert_eq!(metrics.extra_distance, Some(8.5 - to_edge));
         assert_eq!(metrics.average_speed, Some(8.5));
         // 8.5 m in 1 s at 2 m/s: the check must see it.
-        let summary = Summary::of(2.0, [(EpisodeOutcome::Success, &metrics)]);
+        let summary = Summary::of(2.0, [(Outcome::Success, &metrics)]);
         assert_eq!(summary.distance_check.violations, 1);
         assert!((summary.distance_check.worst.unwrap() - 6.5).abs() < 1e-12);
     }
 
     #[test]
     fn a_failure_has_no_extras_and_one_value_no_spread() {
-        let failed = EpisodeMetrics::from_positions(&SCALE, EpisodeOutcome::Timeout, &[[0.0; 2]], [1.0, 0.0]);
+        let failed = EpisodeMetrics::from_positions(&SCALE, Outcome::Timeout, &[[0.0; 2]], [1.0, 0.0]);
         assert_eq!((failed.extra_time, failed.extra_distance, failed.average_speed), (None, None, None));
-        let summary = Summary::of(2.0, [(EpisodeOutcome::Timeout, &failed)]);
+        let summary = Summary::of(2.0, [(Outcome::Timeout, &failed)]);
         assert_eq!((summary.timeout, summary.success_rate), (1, Some(0.0)));
         assert_eq!(summary.extra_time, MeanStd { mean: None, std: None });
         assert_eq!(MeanStd::of(&[2.0]), MeanStd { mean: Some(2.0), std: None });
@@ -162,11 +159,11 @@ mod tests {
         let episode = |excess| EpisodeMetrics {
             extra_time: Some(0.0),
             extra_distance: Some(excess),
-            ..EpisodeMetrics::from_totals(&SCALE, EpisodeOutcome::Success, 1, 1.0, 1.0)
+            ..EpisodeMetrics::from_totals(&SCALE, Outcome::Success, 1, 1.0, 1.0)
         };
         let check = |excesses: &[f64]| {
             let episodes: Vec<_> = excesses.iter().map(|excess| episode(*excess)).collect();
-            Summary::of(2.0, episodes.iter().map(|e| (EpisodeOutcome::Success, e))).distance_check
+            Summary::of(2.0, episodes.iter().map(|e| (Outcome::Success, e))).distance_check
         };
         let bearable = check(&[DistanceCheck::TOLERANCE, -3.0]);
         assert_eq!(bearable, DistanceCheck { worst: Some(DistanceCheck::TOLERANCE), violations: 0 });

@@ -13,10 +13,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::cell::CellKey;
 use crate::error::EvalError;
+use jostle_arena::Outcome;
 use jostle_arena::driving::Driving;
 use jostle_arena::identity::{ProvenanceRef, short};
 use jostle_arena::metrics::EpisodeMetrics;
-use jostle_arena::outcome::EpisodeOutcome;
 
 /// Largest record file that is read, in bytes: two million episodes.
 const FILE_MAX: u64 = 1 << 30;
@@ -31,7 +31,7 @@ pub struct EpisodeRecord {
     /// The robot's behaviour token.
     pub token: u32,
     /// How it ended.
-    pub outcome: EpisodeOutcome,
+    pub outcome: Outcome,
     /// Steps until then.
     pub steps: u64,
     /// The robot's start (m).
@@ -248,7 +248,7 @@ pub(crate) mod tests {
 
     fn record(episode: u64, key: &CellKey) -> EpisodeRecord {
         let scale = MetricScale { dt: 0.1, goal_radius: 0.5, v_max: 1.0 };
-        let outcome = EpisodeOutcome::ALL[episode as usize % 4];
+        let outcome = Outcome::ALL[episode as usize % 4];
         EpisodeRecord {
             episode,
             crowd: key.crowd,

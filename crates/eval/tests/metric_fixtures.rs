@@ -1,7 +1,7 @@
 //! Metrics and statistics against fixtures made with statsmodels, pandas and shapely (see `data/README.md`).
 
+use jostle_arena::Outcome;
 use jostle_arena::metrics::{EpisodeMetrics, MetricScale};
-use jostle_arena::outcome::EpisodeOutcome;
 use jostle_eval::metrics::Summary;
 use jostle_eval::statistics::{Interval, PairedCounts, wilson};
 use serde::Deserialize;
@@ -24,7 +24,7 @@ struct EpisodesCase {
 #[derive(Deserialize)]
 struct Episode {
     goal: [f64; 2],
-    outcome: EpisodeOutcome,
+    outcome: Outcome,
     positions: Vec<[f64; 2]>,
 }
 

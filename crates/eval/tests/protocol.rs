@@ -4,8 +4,7 @@ mod common;
 
 use common::{brief, pools, seek, untrained};
 use jostle_arena::{
-    ArenaConfig, ArenaError, EpisodeOutcome, PerRow, PolicyIdentity, Pools, Robot, RobotPolicy as _,
-    TrainedRobot,
+    ArenaConfig, ArenaError, Outcome, PerRow, PolicyIdentity, Pools, Robot, RobotPolicy as _, TrainedRobot,
 };
 use jostle_eval::records::{Held, holds};
 use jostle_eval::{CellRun, Protocol, Subject};
@@ -142,11 +141,11 @@ fn what_cannot_be_tested_is_refused() {
 fn outcomes_are_consistent_with_their_metrics() {
     let records = run(&ArenaConfig::default(), &mut PerRow::new(seek), CrowdKind::Vo, 100).records;
     for record in &records {
-        let success = record.outcome == EpisodeOutcome::Success;
+        let success = record.outcome == Outcome::Success;
         assert_eq!(record.metrics.extra_time.is_some(), success);
-        assert_eq!(record.outcome == EpisodeOutcome::Timeout, record.steps == 400 && !success);
+        assert_eq!(record.outcome == Outcome::Timeout, record.steps == 400 && !success);
         assert!(record.metrics.path_length <= record.metrics.time + 1e-9);
     }
     let kinds: Vec<_> = records.iter().map(|record| record.outcome).collect();
-    assert!(kinds.contains(&EpisodeOutcome::Success) && kinds.contains(&EpisodeOutcome::CollisionPedestrian));
+    assert!(kinds.contains(&Outcome::Success) && kinds.contains(&Outcome::CollisionPedestrian));
 }

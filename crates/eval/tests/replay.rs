@@ -7,7 +7,7 @@ use glam::Vec2;
 use jostle_arena::identity::PolicyIdentity;
 use jostle_arena::replay::{EpisodeTrace, trace_episodes};
 use jostle_arena::room::RoomPlan;
-use jostle_arena::{EpisodeOutcome, PerRow};
+use jostle_arena::{Outcome, PerRow};
 use jostle_eval::{Protocol, Subject};
 use jostle_peds::CrowdKind;
 
@@ -59,8 +59,8 @@ fn check(trace: &EpisodeTrace) {
     let last = trace.frames.last().unwrap();
     let reached = last.robot.position.distance(last.robot.goal) < 0.5;
     match finished.outcome {
-        EpisodeOutcome::Success => assert!(reached),
-        EpisodeOutcome::CollisionWall | EpisodeOutcome::CollisionPedestrian => assert!(last.min_range < 0.5),
-        EpisodeOutcome::Timeout => assert!(!reached && finished.steps == u64::from(STEP_LIMIT)),
+        Outcome::Success => assert!(reached),
+        Outcome::CollisionWall | Outcome::CollisionPedestrian => assert!(last.min_range < 0.5),
+        Outcome::Timeout => assert!(!reached && finished.steps == u64::from(STEP_LIMIT)),
     }
 }

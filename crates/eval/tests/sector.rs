@@ -8,7 +8,7 @@ use common::{brief, pools, untrained};
 use jostle_arena::crowds::check_observation;
 use jostle_arena::replay::trace_episodes;
 use jostle_arena::room::{ArenaRoom, RoomPlan};
-use jostle_arena::{ArenaConfig, EpisodeOutcome, LoadedPolicy, PerRow, Pools};
+use jostle_arena::{ArenaConfig, LoadedPolicy, Outcome, PerRow, Pools};
 use jostle_eval::Protocol;
 use jostle_peds::{Command, CrowdKind};
 use jostle_sim::{FRAMES, Laser, LaserConfig};
@@ -108,7 +108,7 @@ fn a_robot_is_hit_by_whom_it_does_not_see() {
     let mut unseen = 0;
     for trace in &traces {
         let last = trace.frames.last().unwrap();
-        let hit = trace.finished.outcome == EpisodeOutcome::CollisionPedestrian;
+        let hit = trace.finished.outcome == Outcome::CollisionPedestrian;
         assert_eq!(hit, last.min_range < 0.5, "{:?}", trace.finished);
         // 1 m of 10 m.
         unseen += u32::from(hit && last.ranges.iter().all(|range| *range > 25));

@@ -93,10 +93,10 @@ impl EpisodeCounts {
     pub(crate) fn count(&mut self, end: StepEnd) {
         match end {
             StepEnd::Running => return,
-            StepEnd::Terminated(Outcome::Success) => self.success += 1,
-            StepEnd::Terminated(Outcome::CollisionWall) => self.collision_wall += 1,
-            StepEnd::Terminated(Outcome::CollisionAgent) => self.collision_agent += 1,
-            StepEnd::Truncated => self.timeout += 1,
+            StepEnd::Ended(Outcome::Success) => self.success += 1,
+            StepEnd::Ended(Outcome::CollisionWall) => self.collision_wall += 1,
+            StepEnd::Ended(Outcome::CollisionPedestrian) => self.collision_agent += 1,
+            StepEnd::Ended(Outcome::Timeout) => self.timeout += 1,
         }
         self.ended += 1;
     }

@@ -2,7 +2,7 @@
 
 use jostle_policy::encoder::EncoderScratch;
 use jostle_policy::{Batch, Encoder};
-use jostle_sim::{Role, Rooms, StepEnd};
+use jostle_sim::{Outcome, Role, Rooms, StepEnd};
 
 use crate::PpoError;
 use crate::config::AlphaWeighs;
@@ -173,8 +173,8 @@ impl Rollout {
             self.rewards.push(f64::from(transition.reward));
             self.fates.push(match transition.end {
                 StepEnd::Running => StepFate::Running,
-                StepEnd::Terminated(_) => StepFate::Terminated,
-                StepEnd::Truncated => StepFate::Truncated { bootstrap_value: 0.0 },
+                StepEnd::Ended(Outcome::Timeout) => StepFate::Truncated { bootstrap_value: 0.0 },
+                StepEnd::Ended(_) => StepFate::Terminated,
             });
             if !transition.role.learns() {
                 self.places.push(None);

@@ -6,12 +6,10 @@
 use std::sync::Arc;
 
 use jostle_arena::room::{ArenaRoom, FinishedEpisode, RoomPlan};
-use jostle_arena::{EpisodeOutcome, PolicyIdentity, RoomStepper};
+use jostle_arena::{PolicyIdentity, RoomStepper};
 use jostle_eval::{EvalError, Protocol, Subject};
 use jostle_peds::Crowd;
-use jostle_sim::{
-    Laser, Outcome, Pose, Scenario, Shape, Streams, ZoneBody, clip_action, reward, safety_zone,
-};
+use jostle_sim::{Laser, Pose, Scenario, Shape, Streams, ZoneBody, clip_action, reward, safety_zone};
 use rand::Rng as _;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -305,12 +303,7 @@ impl Course {
         self.min_clearance = self.min_clearance.min(clearance);
         let before = std::mem::replace(&mut self.goal_distance, goal_distance(room));
         let (sim, progress) = (&plan.config.sim, before - self.goal_distance);
-        let outcome = end.as_ref().and_then(|end| match end.outcome {
-            EpisodeOutcome::Success => Some(Outcome::Success),
-            EpisodeOutcome::CollisionWall => Some(Outcome::CollisionWall),
-            EpisodeOutcome::CollisionPedestrian => Some(Outcome::CollisionAgent),
-            EpisodeOutcome::Timeout => None,
-        });
+        let outcome = end.as_ref().map(|end| end.outcome);
         let [_, w] = clip_action(action, &sim.robot);
         let mut worth = reward(&sim.reward, outcome, progress, w);
         if let Some(zones) = &sim.reward.safety_zone {

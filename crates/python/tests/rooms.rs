@@ -2,7 +2,7 @@
 
 use jostle_arena::lock_step::run_episodes;
 use jostle_arena::room::RoomPlan;
-use jostle_arena::{EpisodeOutcome, PerRow, Pools};
+use jostle_arena::{Outcome, PerRow, Pools};
 use jostle_eval::Protocol;
 use jostle_peds::CrowdKind;
 use jostle_python::crowd_rooms::training_seed;
@@ -72,21 +72,21 @@ fn rewards_are_the_equations() {
             row.copy_from_slice(rooms.rooms()[0].robot_observation());
             let after = row[1536].hypot(row[1537]);
             let main = match step.end.map(|end| end.finished.outcome) {
-                Some(EpisodeOutcome::Success) => 15.0,
-                Some(EpisodeOutcome::CollisionWall | EpisodeOutcome::CollisionPedestrian) => -15.0,
-                Some(EpisodeOutcome::Timeout) | None => 2.5 * (before - after),
+                Some(Outcome::Success) => 15.0,
+                Some(Outcome::CollisionWall | Outcome::CollisionPedestrian) => -15.0,
+                Some(Outcome::Timeout) | None => 2.5 * (before - after),
             };
             let turning = if w.abs() > 0.7 { 0.1 * w.abs() } else { 0.0 };
             assert!((step.reward - (main - turning)).abs() < 1e-4, "{step:?}");
             if let Some(end) = step.end {
                 // The last observation is of the state that ended the episode.
-                assert_eq!(end.finished.outcome == EpisodeOutcome::Success, after < 0.5);
+                assert_eq!(end.finished.outcome == Outcome::Success, after < 0.5);
                 ends.push(end.finished.outcome);
                 break;
             }
         }
     }
-    assert!(ends.contains(&EpisodeOutcome::Success) && ends.contains(&EpisodeOutcome::CollisionPedestrian));
+    assert!(ends.contains(&Outcome::Success) && ends.contains(&Outcome::CollisionPedestrian));
 }
 
 #[test]
@@ -191,7 +191,7 @@ fn clones_and_snapshots_go_on_bit_for_bit() {
             }
         }
         // At a goal or a crash, with copies that were made before and that went through it: not only at the time limit.
-        let n_early = ends.iter().filter(|outcome| **outcome != EpisodeOutcome::Timeout).count();
+        let n_early = ends.iter().filter(|outcome| **outcome != Outcome::Timeout).count();
         assert!(ends.len() >= 4 && n_early > 0, "{crowd}: {ends:?}");
     }
 }

@@ -59,12 +59,14 @@ impl CrashRule {
     ) -> Option<Outcome> {
         crash(scan, self.range).or_else(|| match stops[body] {
             Some(Stop::Wall | Stop::Obstacle(_)) => Some(Outcome::CollisionWall),
-            Some(Stop::Body(other)) if self.bodies_touch && visible(other) => Some(Outcome::CollisionAgent),
+            Some(Stop::Body(other)) if self.bodies_touch && visible(other) => {
+                Some(Outcome::CollisionPedestrian)
+            }
             _ => {
                 let was_hit =
                     |(other, stop): (usize, &Option<Stop>)| *stop == Some(Stop::Body(body)) && visible(other);
                 let hit = self.bodies_touch && stops.iter().enumerate().any(was_hit);
-                hit.then_some(Outcome::CollisionAgent)
+                hit.then_some(Outcome::CollisionPedestrian)
             }
         })
     }
@@ -76,7 +78,7 @@ pub fn crash(scan: ScanSummary, crash_range: f32) -> Option<Outcome> {
         return None;
     }
     match scan.nearest {
-        Hit::Body(_) => Some(Outcome::CollisionAgent),
+        Hit::Body(_) => Some(Outcome::CollisionPedestrian),
         Hit::Wall(_) | Hit::Obstacle(_) | Hit::None => Some(Outcome::CollisionWall),
     }
 }
@@ -131,7 +133,7 @@ mod tests {
         let (far, near) = (scan(1.0, Hit::None), scan(0.4, Hit::Wall(0)));
         let stops = [None, Some(Stop::Body(2)), None, Some(Stop::Obstacle(0)), Some(Stop::Command)];
         let crash = |rule: CrashRule, scan, body| rule.crash(scan, &stops, body, |_| true);
-        let agent = Some(Outcome::CollisionAgent);
+        let agent = Some(Outcome::CollisionPedestrian);
         let wall = Some(Outcome::CollisionWall);
         assert_eq!([0, 1, 2, 3, 4].map(|body| crash(long, far, body)), [None, agent, agent, wall, None]);
         assert_eq!([0, 1, 2, 3, 4].map(|body| crash(usual, far, body)), [None, None, None, wall, None]);

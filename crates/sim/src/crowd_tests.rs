@@ -60,7 +60,7 @@ fn the_first_scan_of_a_blind_episode_shows_nobody() {
     let mut rooms = room(&all_blind(), &[(0.0, 0.0, 0.0), (2.0, 0.0, PI)]);
     rooms.rooms[0].episodes[1].steps = rooms.config().episode.step_limit - 1;
     rooms.step(&[[0.0; 2]; 2]);
-    assert_eq!(end(&rooms, 1), StepEnd::Truncated);
+    assert_eq!(end(&rooms, 1), StepEnd::Ended(Outcome::Timeout));
     let [scan, unseen] = [true, false].map(|visible| {
         let room = &rooms.rooms[0];
         let mut ranges = vec![0.0; rooms.config().laser.beams];
@@ -80,7 +80,7 @@ fn a_learner_that_a_blind_agent_runs_into_crashes_and_the_blind_one_goes_on() {
     // The front of the blind body is at 0.75 m, and 0.1 m nearer after each step.
     for step in 1..=3 {
         rooms.step(&[[0.0; 2], [1.0, 0.0]]);
-        let expected = if step < 3 { StepEnd::Running } else { StepEnd::Terminated(Outcome::CollisionAgent) };
+        let expected = if step < 3 { StepEnd::Running } else { StepEnd::Ended(Outcome::CollisionPedestrian) };
         assert_eq!((end(&rooms, 0), end(&rooms, 1)), (expected, StepEnd::Running), "step {step}");
     }
     assert_eq!(rooms.transitions()[0].role, Role::Learner);
@@ -97,7 +97,7 @@ fn blind_agents_that_block_one_another_are_taken_away_after_the_limit() {
     assert_eq!((end(&rooms, 1), end(&rooms, 2)), (StepEnd::Running, StepEnd::Running));
     // A step in which it could go, here by standing, starts the count anew.
     rooms.step(&[[0.0, 0.0], [0.0, 0.0], [1.0, 0.0]]);
-    let collision = StepEnd::Terminated(Outcome::CollisionAgent);
+    let collision = StepEnd::Ended(Outcome::CollisionPedestrian);
     assert_eq!((end(&rooms, 1), end(&rooms, 2)), (StepEnd::Running, collision));
 }
 
@@ -105,7 +105,7 @@ fn blind_agents_that_block_one_another_are_taken_away_after_the_limit() {
 fn a_blind_agent_crashes_into_a_wall_by_its_own_scan() {
     let mut rooms = room(&all_blind(), &[(-8.0, 8.0, 0.0), (9.55, 0.0, 0.0)]);
     rooms.step(&[[0.0, 0.0], [0.0, 0.0]]);
-    assert_eq!(end(&rooms, 1), StepEnd::Terminated(Outcome::CollisionWall));
+    assert_eq!(end(&rooms, 1), StepEnd::Ended(Outcome::CollisionWall));
 }
 
 #[test]
@@ -137,7 +137,7 @@ fn a_straight_walker_goes_to_its_goal_whatever_the_actions() {
     // 3 m to the goal less its radius at 1.5 m/s.
     for step in 1..=17 {
         rooms.step(&[[0.0; 2], [0.0, 1.0]]);
-        let expected = if step < 17 { StepEnd::Running } else { StepEnd::Terminated(Outcome::Success) };
+        let expected = if step < 17 { StepEnd::Running } else { StepEnd::Ended(Outcome::Success) };
         assert_eq!(end(&rooms, 1), expected, "step {step}");
         if step < 17 {
             assert_eq!(rooms.observations()[row.len()..], row, "it senses nothing");
@@ -153,7 +153,7 @@ fn a_walker_is_seen_and_sees_nobody() {
     for step in 1..=8 {
         rooms.step(&[[0.0; 2]; 2]);
         // Its front is at 1.65 m, and 0.15 m nearer after each step.
-        let expected = if step < 8 { StepEnd::Running } else { StepEnd::Terminated(Outcome::CollisionAgent) };
+        let expected = if step < 8 { StepEnd::Running } else { StepEnd::Ended(Outcome::CollisionPedestrian) };
         assert_eq!((end(&rooms, 0), end(&rooms, 1)), (expected, StepEnd::Running), "step {step}");
     }
 }
@@ -161,7 +161,8 @@ fn a_walker_is_seen_and_sees_nobody() {
 #[test]
 fn a_walker_that_is_stopped_ends_its_episode_by_what_stopped_it() {
     let facing_the_goal = -std::f32::consts::FRAC_PI_4;
-    for (standing, x, outcome) in [(true, 0.0, Outcome::CollisionAgent), (false, 9.6, Outcome::CollisionWall)]
+    for (standing, x, outcome) in
+        [(true, 0.0, Outcome::CollisionPedestrian), (false, 9.6, Outcome::CollisionWall)]
     {
         let mut rooms =
             walker(Role::Straight, &[(-8.0, 8.0, 0.0), (x, -x, facing_the_goal), (0.4, -0.4, 0.0)]);
@@ -172,7 +173,7 @@ fn a_walker_that_is_stopped_ends_its_episode_by_what_stopped_it() {
         }
         for step in 1..=3 {
             rooms.step(&[[0.0; 2]; 3]);
-            let expected = if step < 3 { StepEnd::Running } else { StepEnd::Terminated(outcome) };
+            let expected = if step < 3 { StepEnd::Running } else { StepEnd::Ended(outcome) };
             assert_eq!(end(&rooms, 1), expected, "x = {x}, step {step}");
         }
     }
@@ -184,7 +185,7 @@ fn a_standing_member_stands_until_the_time_limit() {
     let limit = rooms.config().episode.step_limit;
     for step in 1..=limit {
         rooms.step(&[[0.0; 2], [1.0, 1.0]]);
-        let expected = if step < limit { StepEnd::Running } else { StepEnd::Truncated };
+        let expected = if step < limit { StepEnd::Running } else { StepEnd::Ended(Outcome::Timeout) };
         assert_eq!(end(&rooms, 1), expected, "step {step}");
         if step < limit {
             let pose = rooms.rooms[0].world.pose(1);
@@ -218,7 +219,7 @@ fn a_learner_that_arrives_has_arrived() {
     let mut rooms = room(&crowd, &[(8.45, -9.0, 0.0), (0.0, 5.0, 0.0)]);
     let goal = rooms.rooms[0].episodes[0].goal;
     rooms.step(&[[1.0, 0.0], [0.0, 0.0]]);
-    assert_eq!(end(&rooms, 0), StepEnd::Terminated(Outcome::Success));
+    assert_eq!(end(&rooms, 0), StepEnd::Ended(Outcome::Success));
     assert_ne!(rooms.rooms[0].episodes[0].goal, goal);
     assert_ne!(rooms.rooms[0].episodes[1].goal, goal, "the other one has changed its mind");
 }
@@ -320,7 +321,7 @@ fn obstacles_are_seen_and_are_crashed_into() {
     for step in 1..=11 {
         rooms.step(&[[1.0, 0.0]]);
         assert!(step == 11 || (newest_scan(&rooms, 0)[0] - (1.55 - 0.1 * step as f32)).abs() < 1e-4);
-        let expected = if step < 11 { StepEnd::Running } else { StepEnd::Terminated(Outcome::CollisionWall) };
+        let expected = if step < 11 { StepEnd::Running } else { StepEnd::Ended(Outcome::CollisionWall) };
         assert_eq!(end(&rooms, 0), expected, "step {step}");
     }
 }

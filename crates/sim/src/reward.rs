@@ -4,9 +4,9 @@ use crate::config::{RewardConfig, SafetyZoneConfig};
 use crate::episode::Outcome;
 use glam::Vec2;
 
-/// The outcome of a step, in the order of the paper's equation: the goal before a crash.
+/// The outcome of a step, but for the time limit, in the order of the paper's equation: the goal before a crash.
 ///
-/// `crash` is what is too near, if anything is: [`Outcome::CollisionWall`] or [`Outcome::CollisionAgent`].
+/// `crash`: the kind of collision, if there is one.
 pub fn outcome(goal_distance: f32, goal_radius: f32, crash: Option<Outcome>) -> Option<Outcome> {
     if goal_distance < goal_radius { Some(Outcome::Success) } else { crash }
 }
@@ -22,8 +22,8 @@ pub fn outcome(goal_distance: f32, goal_radius: f32, crash: Option<Outcome>) -> 
 pub fn reward(config: &RewardConfig, outcome: Option<Outcome>, progress: f32, w: f32) -> f32 {
     let main = match outcome {
         Some(Outcome::Success) => config.goal,
-        Some(Outcome::CollisionWall | Outcome::CollisionAgent) => config.collision,
-        None => config.progress * progress,
+        Some(Outcome::CollisionWall | Outcome::CollisionPedestrian) => config.collision,
+        Some(Outcome::Timeout) | None => config.progress * progress,
     };
     let turning = if w.abs() > config.rotation_threshold { config.rotation * w.abs() } else { 0.0 };
     main + turning

@@ -288,7 +288,7 @@ impl Room {
         let step = self.traits[agent].speed * self.config.robot.v_max * self.config.episode.dt;
         let reach = self.world.shape(agent).circumradius() + step;
         let at_wall = self.world.clearance(self.world.pose(agent).position) <= reach;
-        Some(if at_wall { Outcome::CollisionWall } else { Outcome::CollisionAgent })
+        Some(if at_wall { Outcome::CollisionWall } else { Outcome::CollisionPedestrian })
     }
 
     /// Scan, observation, outcome and reward of one robot after the move.
@@ -327,11 +327,7 @@ impl Room {
         episode.goal_distance = goal_distance;
         episode.steps += 1;
         episode.reward_sum += f64::from(worth);
-        let end = match ended {
-            Some(outcome) => StepEnd::Terminated(outcome),
-            None if episode.steps >= limits.step_limit => StepEnd::Truncated,
-            None => StepEnd::Running,
-        };
+        let end = StepEnd::new(ended, episode.steps, limits.step_limit);
         let transition = &mut buffers.transitions[agent];
         (transition.reward, transition.end, transition.episode) = (worth, end, None);
         transition.role = role;

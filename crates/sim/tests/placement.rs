@@ -318,7 +318,7 @@ fn the_least_clearances_start_no_crash() {
     let mut rooms = Rooms::new(&config, 4, 20, 1, &Streams::new(0)).expect("rooms");
     for _ in 0..200 {
         rooms.step(&[[0.0, 0.0]; 80]);
-        assert!(rooms.transitions().iter().all(|t| t.end == StepEnd::Truncated));
+        assert!(rooms.transitions().iter().all(|t| t.end == StepEnd::Ended(Outcome::Timeout)));
     }
 }
 
@@ -330,10 +330,10 @@ fn straight_on(config: &SimConfig, n_agents: usize) -> [usize; 3] {
         rooms.step(&vec![[config.robot.v_max, 0.0]; 2 * n_agents]);
         for t in rooms.transitions() {
             match t.end {
-                StepEnd::Terminated(Outcome::CollisionWall) => ends[0] += 1,
-                StepEnd::Terminated(Outcome::CollisionAgent) => ends[1] += 1,
-                StepEnd::Truncated => ends[2] += 1,
-                StepEnd::Terminated(Outcome::Success) | StepEnd::Running => {}
+                StepEnd::Ended(Outcome::CollisionWall) => ends[0] += 1,
+                StepEnd::Ended(Outcome::CollisionPedestrian) => ends[1] += 1,
+                StepEnd::Ended(Outcome::Timeout) => ends[2] += 1,
+                StepEnd::Ended(Outcome::Success) | StepEnd::Running => {}
             }
         }
     }

@@ -197,7 +197,7 @@ fn a_time_limit_truncates_and_keeps_the_last_observation_apart() {
     let goal_before = rooms.observations()[1536..1538].to_vec();
     rooms.step(&[[0.0, 0.0]; 2]);
     for (i, t) in rooms.transitions().iter().enumerate() {
-        assert_eq!((t.end, t.reward), (StepEnd::Truncated, 0.0));
+        assert_eq!((t.end, t.reward), (StepEnd::Ended(Outcome::Timeout), 0.0));
         assert_eq!(t.episode.expect("summary").steps, 3);
         assert_ne!(rooms.final_observation(i), &rooms.observations()[i * 1540..][..1540]);
     }
@@ -218,18 +218,18 @@ fn episodes_end_by_crash_or_goal_and_count_their_path() {
         rooms.step(&[[1.0, if step % 2 == 0 { 0.2 } else { 0.0 }]; 10]);
         for t in rooms.transitions() {
             match t.end {
-                StepEnd::Terminated(Outcome::Success) => {
+                StepEnd::Ended(Outcome::Success) => {
                     successes += 1;
                     assert_eq!(t.reward, 15.0);
                     let e = t.episode.expect("summary");
                     assert!(e.path_length + 5.0 + 1e-3 >= f64::from(e.straight_distance));
                     assert!(e.path_length <= 0.1 * f64::from(e.steps) + 1e-4);
                 }
-                StepEnd::Terminated(_) => {
+                StepEnd::Ended(Outcome::CollisionWall | Outcome::CollisionPedestrian) => {
                     crashes += 1;
                     assert_eq!(t.reward, -15.0);
                 }
-                StepEnd::Truncated => assert_eq!(t.episode.expect("summary").steps, 400),
+                StepEnd::Ended(Outcome::Timeout) => assert_eq!(t.episode.expect("summary").steps, 400),
                 StepEnd::Running => assert!(t.reward.abs() <= 0.25 + 1e-4),
             }
         }

@@ -183,7 +183,7 @@ fn a_robot_that_looks_ahead_crashes_into_what_comes_from_behind() {
     rooms.restore(serde_json::from_value(state).expect("state")).expect("restore");
     // 0.8 m − 0.25 m − 0.5 m: the first step leaves a range of 0.45 m.
     rooms.step(&[[1.0, 0.0], [0.0, 0.0]]);
-    let crashed = StepEnd::Terminated(Outcome::CollisionAgent);
+    let crashed = StepEnd::Ended(Outcome::CollisionPedestrian);
     assert_eq!(rooms.transitions()[0].end, crashed, "the one who looks at the other");
     assert_eq!(rooms.transitions()[1].end, crashed, "the one who has the other behind");
     let newest = &rooms.final_observation(1)[(FRAMES - 1) * 128..FRAMES * 128];

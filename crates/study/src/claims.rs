@@ -19,7 +19,7 @@ pub mod study;
 
 use serde::Serialize;
 
-use jostle_arena::outcome::EpisodeOutcome;
+use jostle_arena::Outcome;
 
 pub use evidence::{ClaimResult, PartResult, test_claims};
 pub use study::{Row, SeedRun, Study};
@@ -47,12 +47,12 @@ pub enum Measure {
 impl Measure {
     /// The value of an episode; `None` where it has none.
     pub fn of(self, episode: &jostle_eval::compact::CompactEpisode) -> Option<f64> {
-        let is = |outcomes: &[EpisodeOutcome]| f64::from(u8::from(outcomes.contains(&episode.outcome)));
-        let collision = is(&[EpisodeOutcome::CollisionWall, EpisodeOutcome::CollisionPedestrian]);
+        let is = |outcomes: &[Outcome]| f64::from(u8::from(outcomes.contains(&episode.outcome)));
+        let collision = is(&[Outcome::CollisionWall, Outcome::CollisionPedestrian]);
         match self {
-            Self::Success => Some(is(&[EpisodeOutcome::Success])),
+            Self::Success => Some(is(&[Outcome::Success])),
             Self::Collision => Some(collision),
-            Self::CollisionMinusTimeout => Some(collision - is(&[EpisodeOutcome::Timeout])),
+            Self::CollisionMinusTimeout => Some(collision - is(&[Outcome::Timeout])),
             Self::ExtraTime => episode.metrics.extra_time,
             Self::ExtraDistance => episode.metrics.extra_distance,
             Self::AverageSpeed => episode.metrics.average_speed,

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use jostle_arena::Outcome;
 use jostle_arena::metrics::{EpisodeMetrics, MetricScale};
-use jostle_arena::outcome::EpisodeOutcome;
 use jostle_eval::compact::CompactEpisode;
 use jostle_study::claims::of_paper::{CROWDS, MAPS, claims};
 use jostle_study::claims::{Measure, Row, SeedRun, Study, Verdict, test_claims};
@@ -18,7 +18,7 @@ fn episodes(successes: u64, steps: u64) -> Vec<CompactEpisode> {
         .map(|k| {
             // Spread over the indices, so that two policies of like rates succeed on like episodes.
             let success = k * 77 % EPISODES < successes;
-            let outcome = if success { EpisodeOutcome::Success } else { EpisodeOutcome::CollisionPedestrian };
+            let outcome = if success { Outcome::Success } else { Outcome::CollisionPedestrian };
             let metrics = EpisodeMetrics::from_totals(&SCALE, outcome, steps + k % 3, 9.6, 10.0);
             CompactEpisode { outcome, metrics, driving: None }
         })
@@ -110,8 +110,7 @@ fn crowds_of_one_row_are_compared_within_each_seed() {
     // Every seed has the same gap between crowds although seeds differ much.
     let mut policies = row(&[60, 120, 180], 110, 0.0);
     for seed in &mut policies.seeds {
-        let successes =
-            |run: &[CompactEpisode]| run.iter().filter(|e| e.outcome == EpisodeOutcome::Success).count();
+        let successes = |run: &[CompactEpisode]| run.iter().filter(|e| e.outcome == Outcome::Success).count();
         let base = successes(&seed.sites["NH"]) as u64;
         for site in ["NH", "VA"] {
             seed.sites.insert(site.to_owned(), episodes(base + 15 + seed.seed, 110));

@@ -4,12 +4,12 @@ use std::fs;
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
+use jostle_arena::Outcome;
 use jostle_arena::config::ArenaConfig;
 use jostle_arena::driving::DrivingMeter;
 use jostle_arena::identity::PolicyIdentity;
 use jostle_arena::loaded::LoadedPolicy;
 use jostle_arena::metrics::{EpisodeMetrics, MetricScale};
-use jostle_arena::outcome::EpisodeOutcome;
 use jostle_arena::robot::TrainedRobot;
 use jostle_eval::records::{EpisodeRecord, read_records};
 use jostle_peds::CrowdKind;
@@ -222,7 +222,7 @@ fn records(scratch: &Path) -> Result<Case> {
     let path = scratch.join("input.ndjson");
     let scale = MetricScale { dt: 0.1, goal_radius: 0.5, v_max: 1.0 };
     let line = |k: u64| {
-        let outcome = EpisodeOutcome::ALL[k as usize % EpisodeOutcome::ALL.len()];
+        let outcome = Outcome::ALL[k as usize % Outcome::ALL.len()];
         let record = EpisodeRecord {
             episode: k,
             crowd: CrowdKind::Sf.into(),

@@ -140,11 +140,10 @@ fn refuse(field: &'static str, found: Vec2, expected: String) -> Result<(), Aren
 #[cfg(test)]
 mod tests {
     use jostle_peds::{Command, CrowdKind};
-    use jostle_sim::Laser;
+    use jostle_sim::{Laser, Outcome};
 
     use super::*;
     use crate::config::ArenaConfig;
-    use crate::outcome::EpisodeOutcome;
 
     fn room() -> (RoomPlan, ArenaRoom) {
         let config = ArenaConfig { n_agents: 3, ..ArenaConfig::default() };
@@ -262,6 +261,6 @@ mod tests {
                 break;
             }
         }
-        assert_eq!(outcome.unwrap().outcome, EpisodeOutcome::CollisionWall);
+        assert_eq!(outcome.unwrap().outcome, Outcome::CollisionWall);
     }
 }

@@ -7,9 +7,9 @@ use crate::driving::{Driven, DrivingSummary};
 use crate::metrics::Summary;
 use crate::records::EpisodeRecord;
 use crate::statistics::{Interval, Mcnemar, PairedCounts, paired_difference};
+use jostle_arena::Outcome;
 use jostle_arena::crowds::PoolNote;
 use jostle_arena::metrics::MetricScale;
-use jostle_arena::outcome::EpisodeOutcome;
 
 /// A paired comparison with a baseline on the same episodes; the baseline is the first of the pair.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -26,7 +26,7 @@ impl Comparison {
     /// Compares two lists of records; `None` unless both hold the same number of episodes.
     pub fn of(baseline: &[EpisodeRecord], records: &[EpisodeRecord]) -> Option<Self> {
         let successes = |records: &[EpisodeRecord]| -> Vec<bool> {
-            records.iter().map(|record| record.outcome == EpisodeOutcome::Success).collect()
+            records.iter().map(|record| record.outcome == Outcome::Success).collect()
         };
         let counts = PairedCounts::count(&successes(baseline), &successes(records))?;
         Some(Self { counts, mcnemar: counts.mcnemar(), difference: paired_difference(&counts) })

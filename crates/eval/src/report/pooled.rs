@@ -504,7 +504,7 @@ mod tests {
     #[test]
     fn the_bound_of_time_on_distance_holds_for_rounded_distances() {
         let scale = jostle_arena::metrics::MetricScale { dt: 0.1, goal_radius: 0.5, v_max: 1.0 };
-        let outcome = jostle_arena::outcome::EpisodeOutcome::Success;
+        let outcome = jostle_arena::Outcome::Success;
         let metrics = EpisodeMetrics::from_totals(&scale, outcome, 100, 10.0, 9.123_456_7);
         let excess = metrics.extra_distance.unwrap() - metrics.extra_time.unwrap();
         assert!(excess.abs() < crate::metrics::DistanceCheck::TOLERANCE);

@@ -233,14 +233,14 @@ mod tests {
 
     use super::*;
     use crate::metrics::Summary;
+    use jostle_arena::Outcome;
     use jostle_arena::metrics::{EpisodeMetrics, MetricScale};
-    use jostle_arena::outcome::EpisodeOutcome;
 
     /// A cell of ten episodes.
     fn cell(crowd: CrowdKind, success: usize) -> CellResult {
         let scale = MetricScale { dt: 0.1, goal_radius: 0.5, v_max: 1.0 };
         let episodes: Vec<_> = (0..10)
-            .map(|k| if k < success { EpisodeOutcome::Success } else { EpisodeOutcome::Timeout })
+            .map(|k| if k < success { Outcome::Success } else { Outcome::Timeout })
             .map(|outcome| (outcome, EpisodeMetrics::from_totals(&scale, outcome, 120, 11.0, 10.0)))
             .collect();
         let summary = Summary::of(1.0, episodes.iter().map(|(outcome, metrics)| (*outcome, metrics)));

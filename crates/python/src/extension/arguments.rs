@@ -192,7 +192,7 @@ pub(super) fn episode_info<'py>(py: Python<'py>, end: &EpisodeEnd) -> PyResult<B
     let info = PyDict::new(py);
     let EpisodeEnd { finished, min_clearance } = end;
     info.set_item("outcome", finished.outcome.to_string())?;
-    info.set_item("is_success", finished.outcome == jostle_arena::EpisodeOutcome::Success)?;
+    info.set_item("is_success", finished.outcome == jostle_arena::Outcome::Success)?;
     info.set_item("episode_index", finished.episode)?;
     measures(&info, finished.steps, &finished.metrics, *min_clearance)?;
     Ok(info)

@@ -2,7 +2,7 @@
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use jostle_arena::EpisodeOutcome;
+use jostle_arena::Outcome;
 use jostle_arena::room::ArenaRoom;
 use jostle_eval::EvalError;
 use jostle_sim::Pose;
@@ -139,7 +139,7 @@ impl PyCrowdRooms {
         }
         let worth: Vec<f64> = steps.iter().map(|step| f64::from(step.reward)).collect();
         let clear: Vec<f64> = steps.iter().map(|step| f64::from(step.clearance)).collect();
-        let timeout = |end: &EpisodeEnd| end.finished.outcome == EpisodeOutcome::Timeout;
+        let timeout = |end: &EpisodeEnd| end.finished.outcome == Outcome::Timeout;
         let cut: Vec<u8> = steps.iter().map(|step| step.end.as_ref().is_some_and(timeout).into()).collect();
         let over: Vec<u8> =
             steps.iter().map(|step| step.end.as_ref().is_some_and(|end| !timeout(end)).into()).collect();

@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
+use jostle_arena::ArenaConfig;
 use jostle_arena::metrics::EpisodeMetrics;
 use jostle_arena::room::metric_scale;
-use jostle_arena::{ArenaConfig, EpisodeOutcome};
-use jostle_sim::{Outcome, StepEnd, Transition};
+use jostle_sim::{Outcome, Transition};
 use pyo3::buffer::PyBuffer;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyType};
@@ -162,8 +162,8 @@ impl PyRobotRoom {
         let mut steps = Vec::new();
         for (agent, transition) in transitions.iter().enumerate().filter(|(agent, _)| there[*agent]) {
             write_row(&observations, agent, room.observation(agent))?;
-            let terminated = matches!(transition.end, StepEnd::Terminated(_));
-            let truncated = transition.end == StepEnd::Truncated;
+            let terminated = transition.end.is_terminated();
+            let truncated = transition.end.is_truncated();
             let info = self.info(py, transition, room.min_clearance(agent))?;
             steps.push((agent, f64::from(transition.reward), terminated, truncated, info));
         }
@@ -184,17 +184,12 @@ impl PyRobotRoom {
         min_clearance: f32,
     ) -> PyResult<Bound<'py, PyDict>> {
         let info = PyDict::new(py);
-        let (name, outcome) = match transition.end {
-            StepEnd::Running => return Ok(info),
-            StepEnd::Terminated(Outcome::Success) => ("success", EpisodeOutcome::Success),
-            StepEnd::Terminated(Outcome::CollisionWall) => ("collision_wall", EpisodeOutcome::CollisionWall),
-            StepEnd::Terminated(Outcome::CollisionAgent) => {
-                ("collision_agent", EpisodeOutcome::CollisionPedestrian)
-            }
-            StepEnd::Truncated => ("timeout", EpisodeOutcome::Timeout),
-        };
+        let Some(outcome) = transition.end.outcome() else { return Ok(info) };
+        // Those whom a robot meets here are agents like itself.
+        let is_agent = outcome == Outcome::CollisionPedestrian;
+        let name = if is_agent { "collision_agent".to_owned() } else { outcome.to_string() };
         info.set_item("outcome", name)?;
-        info.set_item("is_success", outcome == EpisodeOutcome::Success)?;
+        info.set_item("is_success", outcome == Outcome::Success)?;
         if let Some(episode) = &transition.episode {
             let scale = metric_scale(&ArenaConfig { sim: self.config.sim.clone(), ..ArenaConfig::default() });
             let (steps, straight) = (u64::from(episode.steps), f64::from(episode.straight_distance));

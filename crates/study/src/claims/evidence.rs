@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::study::{SeedRun, Study};
 use super::{Claim, Measure, Part, Region, Term, Verdict};
-use jostle_arena::outcome::EpisodeOutcome;
+use jostle_arena::Outcome;
 use jostle_eval::statistics::bootstrap::{EpisodeDraws, ROUNDS, over_seeds, percentile_interval};
 use jostle_eval::statistics::{Contrast, Interval, PairedCounts, Permutation};
 
@@ -232,7 +232,7 @@ impl Bench<'_> {
         }
         let successes = |run: &SeedRun, site: &str| -> Vec<bool> {
             let episodes = run.sites.get(site).map_or(&[][..], |episodes| episodes);
-            episodes.iter().map(|episode| episode.outcome == EpisodeOutcome::Success).collect()
+            episodes.iter().map(|episode| episode.outcome == Outcome::Success).collect()
         };
         let runs = self.study.seeds(first.row).iter().zip(self.study.seeds(second.row));
         runs.filter_map(|(a, b)| {

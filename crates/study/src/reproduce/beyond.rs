@@ -2,9 +2,9 @@
 
 use crate::claims::SeedRun;
 use anyhow::Result;
+use jostle_arena::Outcome;
 use jostle_arena::Planner;
 use jostle_arena::config::ArenaConfig;
-use jostle_arena::outcome::EpisodeOutcome;
 use jostle_eval::compact::CompactEpisode;
 use jostle_eval::driving::{Driven, DrivingSummary};
 use jostle_eval::report::{PooledCell, PooledRow, PooledTable, SeedValue, Source};
@@ -30,8 +30,7 @@ pub(super) fn tokens(bench: &mut Bench) -> Result<PooledTable> {
             let mut seeds = Vec::new();
             for policy in &found {
                 let episodes = bench.crowd(policy, token, crowd, None)?;
-                let successes =
-                    episodes.iter().filter(|episode| episode.outcome == EpisodeOutcome::Success).count();
+                let successes = episodes.iter().filter(|episode| episode.outcome == Outcome::Success).count();
                 seeds.push(SeedValue::rate(policy.seed, successes as u64, episodes.len() as u64));
             }
             cells.push(Some(PooledCell::of(seeds, true)));
@@ -63,7 +62,7 @@ pub(super) fn outcomes(bench: &mut Bench) -> Result<PooledTable> {
         if sources.is_empty() {
             continue;
         }
-        for outcome in EpisodeOutcome::ALL {
+        for outcome in Outcome::ALL {
             let cells = CrowdKind::PAPER.map(|crowd| {
                 let seeds = evaluated.row.seeds.iter().map(|run| {
                     let episodes = &run.sites[crowd.name()];
@@ -73,10 +72,10 @@ pub(super) fn outcomes(bench: &mut Bench) -> Result<PooledTable> {
                 Some(PooledCell::of(seeds.collect(), true))
             });
             let end = match outcome {
-                EpisodeOutcome::Success => "success",
-                EpisodeOutcome::CollisionWall => "hit a wall",
-                EpisodeOutcome::CollisionPedestrian => "hit a pedestrian",
-                EpisodeOutcome::Timeout => "timeout",
+                Outcome::Success => "success",
+                Outcome::CollisionWall => "hit a wall",
+                Outcome::CollisionPedestrian => "hit a pedestrian",
+                Outcome::Timeout => "timeout",
             };
             rows.push(row(vec![spec.name.to_owned(), end.to_owned()], cells.to_vec(), &sources));
         }

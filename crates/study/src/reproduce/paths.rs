@@ -4,11 +4,10 @@ use anyhow::{Result, bail};
 use glam::{DVec2, Vec2};
 use jostle_arena::config::ArenaConfig;
 use jostle_arena::loaded::LoadedPolicy;
-use jostle_arena::outcome::EpisodeOutcome;
 use jostle_arena::robot::{RobotPolicy, TrainedRobot};
 use jostle_eval::report::grid::csv_line;
 use jostle_sim::{
-    CrashRule, Laser, Motion, Observer, Outcome, Pose, RoomConfig, Scenario, Sensor, Shape, Streams,
+    CrashRule, Laser, Motion, Observer, Outcome, Pose, RoomConfig, Scenario, Sensor, Shape, StepEnd, Streams,
     apply_limits, clip_action, maps, outcome,
 };
 
@@ -32,7 +31,7 @@ struct Way {
     token: u32,
     /// Pose and executed velocity after each step, the start first.
     points: Vec<(Pose, [f32; 2])>,
-    end: EpisodeOutcome,
+    end: Outcome,
 }
 
 /// The figure of a policy, each of its tokens in turn.
@@ -104,9 +103,9 @@ fn drawn(way: &Way, dt: f64) -> RobotPath {
         speed: f64::from(*v),
     };
     let end = match way.end {
-        EpisodeOutcome::Success => PathEnd::Goal,
-        EpisodeOutcome::CollisionWall | EpisodeOutcome::CollisionPedestrian => PathEnd::Collision,
-        EpisodeOutcome::Timeout => PathEnd::Timeout,
+        Outcome::Success => PathEnd::Goal,
+        Outcome::CollisionWall | Outcome::CollisionPedestrian => PathEnd::Collision,
+        Outcome::Timeout => PathEnd::Timeout,
     };
     let seconds = (way.points.len() - 1) as f64 * dt;
     RobotPath {
@@ -143,12 +142,9 @@ fn way(policy: &LoadedPolicy, token: u32, scenario: &Scenario) -> Result<Way> {
         let summary = laser.scan(&world, Sensor::Body(0), |_| true, &mut ranges);
         let distance = world.pose(0).position.distance(goal);
         let crash = crash_rule.crash(summary, &stops, 0, |_| true);
-        let end = match outcome(distance, sim.episode.goal_radius, crash) {
-            Some(Outcome::Success) => Some(EpisodeOutcome::Success),
-            Some(Outcome::CollisionWall | Outcome::CollisionAgent) => Some(EpisodeOutcome::CollisionWall),
-            None => (points.len() > sim.episode.step_limit as usize).then_some(EpisodeOutcome::Timeout),
-        };
-        if let Some(end) = end {
+        let reached = outcome(distance, sim.episode.goal_radius, crash);
+        let steps = points.len() as u32 - 1;
+        if let Some(end) = StepEnd::new(reached, steps, sim.episode.step_limit).outcome() {
             return Ok(Way { token, points, end });
         }
         observer.push(&ranges, &mut row);

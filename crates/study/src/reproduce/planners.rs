@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use crate::claims::{Measure, Row};
 use anyhow::Result;
+use jostle_arena::Outcome;
 use jostle_arena::Planner;
-use jostle_arena::outcome::EpisodeOutcome;
 use jostle_eval::compact::CompactEpisode;
 use jostle_eval::report::pooled::NO_LABEL;
 use jostle_eval::report::{PooledCell, PooledRow, SeedValue, Source};
@@ -129,7 +129,7 @@ fn cells(sites: &Sites, names: &[&str], measure: Measure) -> Vec<Option<PooledCe
 }
 
 fn successes(episodes: &[CompactEpisode]) -> Vec<bool> {
-    episodes.iter().map(|episode| episode.outcome == EpisodeOutcome::Success).collect()
+    episodes.iter().map(|episode| episode.outcome == Outcome::Success).collect()
 }
 
 /// Differences of success to each reference by site, with the largest p of `McNemar`'s exact test over its training seeds.
@@ -196,7 +196,7 @@ mod tests {
     fn episodes(successes: &[bool]) -> Vec<CompactEpisode> {
         let scale = MetricScale { dt: 0.1, goal_radius: 0.5, v_max: 1.0 };
         let episode = |success: &bool| {
-            let outcome = if *success { EpisodeOutcome::Success } else { EpisodeOutcome::Timeout };
+            let outcome = if *success { Outcome::Success } else { Outcome::Timeout };
             CompactEpisode {
                 outcome,
                 metrics: EpisodeMetrics::from_totals(&scale, outcome, 150, 14.0, 12.0),

@@ -3,8 +3,8 @@
 use crate::claims::{Measure, SeedRun};
 use crate::paper::{self, Metric};
 use anyhow::Result;
+use jostle_arena::Outcome;
 use jostle_arena::metrics::EpisodeMetrics;
-use jostle_arena::outcome::EpisodeOutcome;
 use jostle_arena::{Driver, Planner};
 use jostle_eval::compact::CompactEpisode;
 use jostle_eval::metrics::Summary;
@@ -297,7 +297,7 @@ fn cells(evaluated: &Evaluated, sites: &[&str], measure: Measure) -> Vec<Option<
 fn seed_value(run: &SeedRun, site: &str, measure: Measure) -> Option<SeedValue> {
     let episodes = run.sites.get(site)?;
     if measure == Measure::Success {
-        let successes = episodes.iter().filter(|episode| episode.outcome == EpisodeOutcome::Success).count();
+        let successes = episodes.iter().filter(|episode| episode.outcome == Outcome::Success).count();
         return Some(SeedValue::rate(run.seed, successes as u64, episodes.len() as u64));
     }
     let values: Vec<f64> = episodes.iter().filter_map(|episode| measure.of(episode)).collect();

@@ -1,6 +1,6 @@
 //! What the page and the server say to each other: JSON, one object a message.
 
-use jostle_arena::EpisodeOutcome;
+use jostle_arena::Outcome;
 use jostle_peds::CrowdKind;
 use serde::{Deserialize, Serialize};
 
@@ -88,7 +88,7 @@ pub(crate) struct Frame {
     pub(crate) pedestrians: Vec<[f32; 3]>,
     pub(crate) goals: Vec<[f32; 2]>,
     /// How the episode ended, if it did.
-    pub(crate) outcome: Option<EpisodeOutcome>,
+    pub(crate) outcome: Option<Outcome>,
 }
 
 #[cfg(test)]

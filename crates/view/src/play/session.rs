@@ -9,7 +9,7 @@ use jostle_arena::crowds::{Pools, make_crowd};
 use jostle_arena::replay::beam_stride;
 use jostle_arena::room::{ArenaRoom, RoomPlan};
 use jostle_arena::site::polygons;
-use jostle_arena::{EpisodeOutcome, Robot, RoomStepper};
+use jostle_arena::{Outcome, Robot, RoomStepper};
 use jostle_peds::{Crowd, CrowdKind, Pedestrian};
 use jostle_sim::{Laser, Pose, Shape};
 
@@ -61,7 +61,7 @@ pub(crate) struct Session<'a> {
     episode: u64,
     /// Steps since the episode began.
     step: u64,
-    outcome: Option<EpisodeOutcome>,
+    outcome: Option<Outcome>,
 }
 
 impl<'a> Session<'a> {

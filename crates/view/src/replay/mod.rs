@@ -12,7 +12,7 @@ use std::process::ExitCode;
 
 use anyhow::{Context as _, Result, bail, ensure};
 use clap::{Args, ValueEnum};
-use jostle_arena::EpisodeOutcome;
+use jostle_arena::Outcome;
 use jostle_arena::config::ArenaConfig;
 use jostle_arena::crowds::{Pools, check_observation};
 use jostle_arena::replay::{EpisodeTrace, trace_episodes};
@@ -101,16 +101,16 @@ pub enum Wanted {
 }
 
 impl Wanted {
-    fn fits(self, outcome: EpisodeOutcome) -> bool {
-        let pedestrian = outcome == EpisodeOutcome::CollisionPedestrian;
-        let wall = outcome == EpisodeOutcome::CollisionWall;
+    fn fits(self, outcome: Outcome) -> bool {
+        let pedestrian = outcome == Outcome::CollisionPedestrian;
+        let wall = outcome == Outcome::CollisionWall;
         match self {
             Self::Any => true,
-            Self::Success => outcome == EpisodeOutcome::Success,
+            Self::Success => outcome == Outcome::Success,
             Self::Collision => pedestrian || wall,
             Self::Pedestrian => pedestrian,
             Self::Wall => wall,
-            Self::Timeout => outcome == EpisodeOutcome::Timeout,
+            Self::Timeout => outcome == Outcome::Timeout,
         }
     }
 }

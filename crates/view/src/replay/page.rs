@@ -6,7 +6,7 @@
 use anyhow::{Context as _, Result, ensure};
 use base64::prelude::{BASE64_STANDARD, Engine as _};
 use glam::Vec2;
-use jostle_arena::EpisodeOutcome;
+use jostle_arena::Outcome;
 use jostle_arena::config::ArenaConfig;
 use jostle_arena::metrics::EpisodeMetrics;
 use jostle_arena::replay::{EpisodeTrace, TraceFrame, beam_stride};
@@ -111,7 +111,7 @@ struct Episode {
 
 #[derive(Serialize)]
 struct Run {
-    outcome: EpisodeOutcome,
+    outcome: Outcome,
     steps: u64,
     metrics: EpisodeMetrics,
     pedestrian_token: Option<u32>,
@@ -183,10 +183,10 @@ impl Page {
                 policy.name,
                 policy.note,
                 self.episodes.len(),
-                count(EpisodeOutcome::Success),
-                count(EpisodeOutcome::CollisionPedestrian),
-                count(EpisodeOutcome::CollisionWall),
-                count(EpisodeOutcome::Timeout)
+                count(Outcome::Success),
+                count(Outcome::CollisionPedestrian),
+                count(Outcome::CollisionWall),
+                count(Outcome::Timeout)
             )
         };
         self.policies.iter().enumerate().map(line).collect::<Vec<_>>().join("\n")
