@@ -24,7 +24,7 @@ impl RoomStepper {
     ///
     /// # Errors
     ///
-    /// What the robot, the crowd or a room refuses.
+    /// Refusals of the robot, the crowd or a room.
     pub fn step(
         &mut self,
         plan: &RoomPlan,
@@ -46,7 +46,7 @@ impl RoomStepper {
     ///
     /// # Errors
     ///
-    /// What the crowd or a room refuses.
+    /// Refusals of the crowd or a room.
     ///
     /// # Panics
     ///

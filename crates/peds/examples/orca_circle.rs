@@ -1,4 +1,5 @@
-//! Twelve pedestrians on a circle change sides by ORCA; prints who is where, and how near two of them came.
+//! Twelve pedestrians on a circle change sides by ORCA; prints who is where, and how near two of
+//! them came.
 //!
 //! `cargo run --release -p jostle-peds --example orca_circle`
 
@@ -10,7 +11,8 @@ use jostle_peds::orca::{AgentParameters, Obstacles, OrcaConfig, OrcaSimulator};
 fn main() -> Result<(), jostle_peds::PedsError> {
     const N: usize = 12;
     let start = |i: usize| 6.0 * Vec2::from_angle(std::f32::consts::TAU * i as f32 / N as f32);
-    // A slight twist breaks the symmetry in which opposite agents would wait for each other for ever.
+    // A slight twist breaks the symmetry in which opposite agents would wait for each other for
+    // ever.
     let goal = |i: usize| -Vec2::from_angle(0.02).rotate(start(i));
 
     // With the default horizon of 5 s, so many would settle in a ring around the centre.

@@ -41,7 +41,8 @@ impl LearnedConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CrowdsConfig {
-    /// Range of VA's speed factors, drawn uniformly per pedestrian and episode. Default 0.5 to 1.5 (paper, Sect. V).
+    /// Range of VA's speed factors, drawn uniformly per pedestrian and episode. Default 0.5 to 1.5
+    /// (paper, Sect. V).
     pub speed_factor: [f32; 2],
     /// Crowds NH, IN, VA, SO and cross-play.
     pub learned: LearnedConfig,
@@ -51,8 +52,8 @@ pub struct CrowdsConfig {
     pub social_force: SocialForceConfig,
     /// The matrix of who sees whom.
     pub visibility: VisibilityMatrix,
-    /// Validation crowds `straight` and `stop-and-go`. Left out of the written form at its default, so that the hashes of settings
-    /// from before it are what they were.
+    /// Validation crowds `straight` and `stop-and-go`. Left out of the written form at its default,
+    /// so that the hashes of settings from before it are what they were.
     #[serde(skip_serializing_if = "WalkersConfig::is_default")]
     pub walkers: WalkersConfig,
 }
@@ -85,8 +86,9 @@ impl CrowdsConfig {
         self.walkers.validate()
     }
 
-    /// A pedestrian's speed factor for an episode. VA draws it from [`Self::speed_factor`], SF from its desired speed
-    /// if that is a distribution, the walkers from their speeds; elsewhere it is 1 and nothing is drawn. The config must be valid.
+    /// A pedestrian's speed factor for an episode. VA draws it from [`Self::speed_factor`], SF from
+    /// its desired speed if that is a distribution, the walkers from their speeds; elsewhere it is
+    /// 1 and nothing is drawn. The config must be valid.
     pub fn draw_speed_factor(&self, kind: CrowdKind, rng: &mut impl Rng) -> f32 {
         let [low, high] = self.speed_factor;
         match kind {

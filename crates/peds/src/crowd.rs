@@ -1,6 +1,8 @@
-//! The one trait that all crowds share, and what passes through it (paper, Sect. V: the six unseen crowds).
+//! The one trait that all crowds share, and what passes through it (paper, Sect. V: the six unseen
+//! crowds).
 //!
-//! Architecture invariant: nothing here knows a simulator, a laser or a network. A crowd sees views of rooms and answers with commands.
+//! Architecture invariant: nothing here knows a simulator, a laser or a network. A crowd sees views
+//! of rooms and answers with commands.
 
 use glam::Vec2;
 
@@ -46,12 +48,14 @@ pub struct Pedestrian {
 pub struct RoomView<'a> {
     /// The pedestrians that the crowd decides for.
     pub pedestrians: &'a [Pedestrian],
-    /// Bodies that are not the crowd's: the robot. A crowd whose row of the visibility matrix hides it ignores them.
+    /// Bodies that are not the crowd's: the robot. A crowd whose row of the visibility matrix hides
+    /// it ignores them.
     pub others: &'a [Pedestrian],
     /// Observation rows `[pedestrians, row]` for crowds that sense by laser, else empty.
     pub observations: &'a [f32],
-    /// One factor for each pedestrian, or empty where all are 1. It multiplies the executed speed in VA, the desired speed in SF, and
-    /// 1 m/s in the validation crowds. It is drawn for each episode; that of a stop-and-go walker is 0 while it stands.
+    /// One factor for each pedestrian, or empty where all are 1. It multiplies the executed speed
+    /// in VA, the desired speed in SF, and 1 m/s in the validation crowds. It is drawn for each
+    /// episode; that of a stop-and-go walker is 0 while it stands.
     pub speed_factor: &'a [f32],
 }
 
@@ -75,25 +79,28 @@ impl RoomView<'_> {
     }
 }
 
-/// A crowd: decides the commands of the pedestrians of many rooms at once, so that learned crowds infer in batches.
+/// A crowd: decides the commands of the pedestrians of many rooms at once, so that learned crowds
+/// infer in batches.
 ///
-/// A decision is a function of the views only: a crowd keeps no state between calls but scratch memory,
-/// so that a run can be resumed and rooms can be regrouped without changing a bit.
+/// A decision is a function of the views only: a crowd keeps no state between calls but scratch
+/// memory, so that a run can be resumed and rooms can be regrouped without changing a bit.
 pub trait Crowd: Send {
-    /// Its name, which keys, records and reports carry: [`CrowdName::new`] for a crowd of one's own.
+    /// Its name, which keys, records and reports carry: [`CrowdName::new`] for a crowd of one's
+    /// own.
     fn name(&self) -> CrowdName;
 
     /// True if `decide` needs the rooms' observations.
     fn senses_by_laser(&self) -> bool;
 
-    /// The bodies that its pedestrians see: each other and not the robot, unless overridden. The built-in crowds have been told their
-    /// rows of the configuration's matrix ([`crate::VisibilityMatrix::row`]).
+    /// The bodies that its pedestrians see: each other and not the robot, unless overridden. The
+    /// built-in crowds have been told their rows of the configuration's matrix
+    /// ([`crate::VisibilityMatrix::row`]).
     fn visibility(&self) -> Visibility {
         Visibility::PEDESTRIANS
     }
 
-    /// Its version. For a crowd of one's own it must change when the crowd's behaviour does, since stored episodes are used again
-    /// by name, visibility and version.
+    /// Its version. For a crowd of one's own it must change when the crowd's behaviour does, since
+    /// stored episodes are used again by name, visibility and version.
     #[expect(clippy::unnecessary_literal_bound, reason = "an implementation may hold its version")]
     fn version(&self) -> &str {
         "1"

@@ -125,7 +125,8 @@ pub enum PedsError {
     PoolBackend {
         /// Index of the policy.
         policy: usize,
-        /// The words of `jostle-policy`, which this crate does without unless the feature `learned` is on.
+        /// The words of `jostle-policy`, which this crate does without unless the feature `learned`
+        /// is on.
         reason: String,
     },
     /// A policy of the pool answers with a number that is not finite.

@@ -1,6 +1,8 @@
-//! The crowds that come with this crate: the six of the paper, and those that settings are chosen with.
+//! The crowds that come with this crate: the six of the paper, and those that settings are chosen
+//! with.
 //!
-//! A crowd of one's own needs no entry here: it implements [`Crowd`](crate::Crowd) with a [`CrowdName`](crate::CrowdName) of its own.
+//! A crowd of one's own needs no entry here: it implements [`Crowd`](crate::Crowd) with a
+//! [`CrowdName`](crate::CrowdName) of its own.
 
 use std::{fmt, str::FromStr};
 
@@ -8,7 +10,8 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
 use crate::PedsError;
 
-/// A built-in crowd. It is written as [`Self::name`] everywhere: in arguments, keys, records and reports.
+/// A built-in crowd. It is written as [`Self::name`] everywhere: in arguments, keys, records and
+/// reports.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum CrowdKind {
     /// Learned pedestrians that see the robot ("non-homogeneous").
@@ -23,11 +26,13 @@ pub enum CrowdKind {
     Vo,
     /// The social force model.
     Sf,
-    /// Validation crowd: straight to the goal at a speed of one's own, whoever is in the way. Not of the paper.
+    /// Validation crowd: straight to the goal at a speed of one's own, whoever is in the way. Not
+    /// of the paper.
     Straight,
     /// Validation crowd: as `Straight`, walking and standing in turns. Not of the paper.
     StopAndGo,
-    /// Validation crowd: as `Nh`, driven by whatever policies the pool holds, such as those of other seeds. Not of the paper.
+    /// Validation crowd: as `Nh`, driven by whatever policies the pool holds, such as those of
+    /// other seeds. Not of the paper.
     CrossPlay,
 }
 

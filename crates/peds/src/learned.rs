@@ -1,7 +1,8 @@
-//! Crowds NH, IN, VA, SO and cross-play: pedestrians that sense by laser and are driven by trained policies (feature `learned`).
+//! Crowds NH, IN, VA, SO and cross-play: pedestrians that sense by laser and are driven by trained
+//! policies (feature `learned`).
 //!
-//! They differ in what they are given: the policies of the pool (SO: half-trained ones; cross-play: any), the scans, with or without
-//! the robot (`visibility`), and the speed factors (VA).
+//! They differ in what they are given: the policies of the pool (SO: half-trained ones; cross-play:
+//! any), the scans, with or without the robot (`visibility`), and the speed factors (VA).
 
 use jostle_policy::{Backend, Batch, Network, NetworkConfig, PolicyError, PolicyFile, actor};
 use rayon::prelude::*;
@@ -11,8 +12,8 @@ use crate::{
     crowd::check_commands,
 };
 
-/// Pedestrian i of every room acts on the mean of policy i mod pool length, clipped to the command limits; in crowd VA its linear
-/// velocity is then multiplied by its speed factor.
+/// Pedestrian i of every room acts on the mean of policy i mod pool length, clipped to the command
+/// limits; in crowd VA its linear velocity is then multiplied by its speed factor.
 pub struct LearnedCrowd {
     kind: CrowdKind,
     visibility: Visibility,
@@ -44,8 +45,8 @@ impl Member {
 }
 
 impl LearnedCrowd {
-    /// A crowd of policies that read rows of `observation_len` values. Behaviour token 0 throughout. `visibility` says which
-    /// bodies the scans in the rows show.
+    /// A crowd of policies that read rows of `observation_len` values. Behaviour token 0
+    /// throughout. `visibility` says which bodies the scans in the rows show.
     ///
     /// # Errors
     /// A crowd that is not learned, an empty pool, a network that is no actor, limits out of range.

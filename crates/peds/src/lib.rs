@@ -1,10 +1,12 @@
-//! Crowd models: ORCA, social force, learned pedestrians and walkers for validation behind one trait.
+//! Crowd models: ORCA, social force, learned pedestrians and walkers for validation behind one
+//! trait.
 //!
-//! Reading order: `crowd` (the trait and what passes through it), `name`, `kind` (the built-in crowds), `visibility` (who sees whom), `config`, [`orca`],
-//! [`social_force`], [`validation`], `learned`.
+//! Reading order: `crowd` (the trait and what passes through it), `name`, `kind` (the built-in
+//! crowds), `visibility` (who sees whom), `config`, [`orca`], [`social_force`], [`validation`],
+//! `learned`.
 //!
-//! Architecture invariant: the pure models know neither the simulator nor a network; only the feature `learned` brings in
-//! `jostle-policy`.
+//! Architecture invariant: the pure models know neither the simulator nor a network; only the
+//! feature `learned` brings in `jostle-policy`.
 //!
 //! # Features
 //!

@@ -1,7 +1,7 @@
 //! Names of crowds: any crowd has one, and it is all that keys, records and reports know of it.
 //!
-//! A name is a short text that can be copied. The paper's crowds have two capitals; every other name is in lower case, so that
-//! none can be taken for them.
+//! A name is a short text that can be copied. The paper's crowds have two capitals; every other
+//! name is in lower case, so that none can be taken for them.
 
 use std::{cmp::Ordering, fmt};
 
@@ -14,8 +14,8 @@ pub const NAME_MAX: usize = 24;
 
 /// The name of a crowd: of a built-in one, or of one's own.
 ///
-/// Names are ordered as tables show them: the built-in crowds in the order of [`CrowdKind::built_in`], then the others by their
-/// letters.
+/// Names are ordered as tables show them: the built-in crowds in the order of
+/// [`CrowdKind::built_in`], then the others by their letters.
 ///
 /// # Examples
 ///
@@ -35,11 +35,13 @@ pub struct CrowdName {
 }
 
 impl CrowdName {
-    /// The name of a crowd of one's own: 1 to [`NAME_MAX`] lower-case letters, digits and hyphens, the first a letter.
+    /// The name of a crowd of one's own: 1 to [`NAME_MAX`] lower-case letters, digits and hyphens,
+    /// the first a letter.
     ///
     /// # Errors
     ///
-    /// [`PedsError::CrowdName`] for any other text, and for a name that a built-in crowd has in whatever case.
+    /// [`PedsError::CrowdName`] for any other text, and for a name that a built-in crowd has in
+    /// whatever case.
     pub fn new(name: &str) -> Result<Self, PedsError> {
         let bytes = name.as_bytes();
         let fits = bytes.first().is_some_and(u8::is_ascii_lowercase)

@@ -1,11 +1,14 @@
-//! Crowds by which settings are chosen: walkers who ignore everyone. They are not of the paper and in none of its tables.
+//! Crowds by which settings are chosen: walkers who ignore everyone. They are not of the paper and
+//! in none of its tables.
 //!
-//! A straight walker goes towards its goal at a speed of its own and steers around nothing. A stop-and-go walker does the same,
-//! walking and standing in turns. Neither sees the robot or anyone else, so that only the robot avoids collisions.
+//! A straight walker goes towards its goal at a speed of its own and steers around nothing. A
+//! stop-and-go walker does the same, walking and standing in turns. Neither sees the robot or
+//! anyone else, so that only the robot avoids collisions.
 //!
-//! Two of them that meet do not pass through each other: as everywhere, a body that would push into another keeps its pose. It
-//! then counts as crashed, and the room puts it elsewhere with a new goal (`jostle_arena::room`). Rejected: letting them wait for each
-//! other, since two that meet head on would stand until the episode's end and a room would fill with standing pairs.
+//! Two of them that meet do not pass through each other: as everywhere, a body that would push into
+//! another keeps its pose. It then counts as crashed, and the room puts it elsewhere with a new
+//! goal (`jostle_arena::room`). Rejected: letting them wait for each other, since two that meet
+//! head on would stand until the episode's end and a room would fill with standing pairs.
 
 use rand::{Rng, RngExt as _};
 use rand_distr::{Distribution, Uniform};
@@ -21,10 +24,11 @@ use crate::{
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct WalkersConfig {
-    /// Range of a walker's speed, drawn uniformly per pedestrian and episode, m/s. Default 0.5 to 1.5: half to one and a half times the
-    /// robot's.
+    /// Range of a walker's speed, drawn uniformly per pedestrian and episode, m/s. Default 0.5 to
+    /// 1.5: half to one and a half times the robot's.
     pub speed: [f32; 2],
-    /// Range of the time that a stop-and-go walker walks without a stop, drawn uniformly each time, s. Default 2 to 6.
+    /// Range of the time that a stop-and-go walker walks without a stop, drawn uniformly each time,
+    /// s. Default 2 to 6.
     pub walk_time: [f32; 2],
     /// Range of the time that it then stands, drawn uniformly each time, s. Default 1 to 4.
     pub stand_time: [f32; 2],
@@ -69,8 +73,8 @@ fn draw([low, high]: [f32; 2], rng: &mut impl Rng) -> f32 {
     Uniform::new_inclusive(low, high).expect("a validated range").sample(rng)
 }
 
-/// The phase of a stop-and-go walker, walking or standing, and the number of steps that are left of it. It depends on its draws
-/// only, never on what happens to the walker.
+/// The phase of a stop-and-go walker, walking or standing, and the number of steps that are left of
+/// it. It depends on its draws only, never on what happens to the walker.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Gait {
     walks: bool,
@@ -78,8 +82,8 @@ pub struct Gait {
 }
 
 impl Gait {
-    /// The gait at an episode's start: walking or standing with equal chance, somewhere within the drawn time. `dt` is the
-    /// control period (s); the configuration must be valid.
+    /// The gait at an episode's start: walking or standing with equal chance, somewhere within the
+    /// drawn time. `dt` is the control period (s); the configuration must be valid.
     pub fn draw(config: &WalkersConfig, dt: f32, rng: &mut impl Rng) -> Self {
         let walks = rng.random_bool(0.5);
         let part: f32 = rng.random();
@@ -111,8 +115,9 @@ fn n_steps(time: f32, dt: f32) -> u32 {
     ((time / dt).round() as u32).max(1)
 }
 
-/// Crowds `straight` and `stop-and-go`: each pedestrian walks straight to its goal at 1 m/s times its factor. They
-/// differ in the factor, which the room sets to 0 while a stop-and-go walker stands.
+/// Crowds `straight` and `stop-and-go`: each pedestrian walks straight to its goal at 1 m/s times
+/// its factor. They differ in the factor, which the room sets to 0 while a stop-and-go walker
+/// stands.
 #[derive(Debug, Clone, Copy)]
 pub struct WalkersCrowd {
     kind: CrowdKind,

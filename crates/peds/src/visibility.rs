@@ -1,4 +1,5 @@
-//! The matrix of who sees whom: the paper contradicts itself on which crowds react to the robot, so the configuration says it.
+//! The matrix of who sees whom: the paper contradicts itself on which crowds react to the robot, so
+//! the configuration says it.
 
 use serde::{Deserialize, Serialize};
 
@@ -55,8 +56,9 @@ impl Default for VisibilityMatrix {
 }
 
 impl VisibilityMatrix {
-    /// The row of a crowd: cross-play has that of NH, the straight and the stop-and-go walkers see nobody whatever the matrix says. A
-    /// crowd of one's own says for itself what it sees ([`crate::Crowd::visibility`]).
+    /// The row of a crowd: cross-play has that of NH, the straight and the stop-and-go walkers see
+    /// nobody whatever the matrix says. A crowd of one's own says for itself what it sees
+    /// ([`crate::Crowd::visibility`]).
     pub fn row(&self, kind: CrowdKind) -> Visibility {
         match kind {
             CrowdKind::Straight | CrowdKind::StopAndGo => Visibility::NONE,
@@ -69,7 +71,8 @@ impl VisibilityMatrix {
         }
     }
 
-    /// The row of a crowd, to be changed; `None` for those whose visibility the matrix does not say.
+    /// The row of a crowd, to be changed; `None` for those whose visibility the matrix does not
+    /// say.
     pub fn row_mut(&mut self, kind: CrowdKind) -> Option<&mut Visibility> {
         match kind {
             CrowdKind::Nh | CrowdKind::CrossPlay => Some(&mut self.nh),

@@ -1,4 +1,5 @@
-//! Crowds VO and SF as the rooms use them: many rooms at once, who sees whom, a corridor, free speed.
+//! Crowds VO and SF as the rooms use them: many rooms at once, who sees whom, a corridor, free
+//! speed.
 
 use std::sync::Arc;
 

@@ -1,4 +1,5 @@
-//! Properties of ORCA in any scene: symmetries, separation, finite answers, the same bits on any number of threads.
+//! Properties of ORCA in any scene: symmetries, separation, finite answers, the same bits on any
+//! number of threads.
 
 use std::sync::Arc;
 
@@ -85,7 +86,8 @@ fn check_equivariance(
     let got = plan(&mapped, &obstacles(&point, mirrors));
     for (got, plain) in got.iter().zip(plain) {
         let expected = vector(plain);
-        // Positions of about 10 m are rounded to 1e-6 m, and a dense scene's linear program enlarges that.
+        // Positions of about 10 m are rounded to 1e-6 m, and a dense scene's linear program
+        // enlarges that.
         assert!(got.distance(expected) < 2e-3, "{got}, not {expected}");
     }
 }
@@ -184,7 +186,8 @@ fn walk(simulator: &mut OrcaSimulator, goals: &[Vec2], steps: usize) -> f32 {
 
 #[test]
 fn a_circle_swaps_without_overlap() {
-    // With a horizon of 5 s, ten and more settle in a ring around the centre (RVO2 does the same): only separation is asked.
+    // With a horizon of 5 s, ten and more settle in a ring around the centre (RVO2 does the same):
+    // only separation is asked.
     for (n, arrive) in [(2, true), (5, true), (8, true), (12, false), (25, false)] {
         // A small twist: exactly opposite agents would stop in front of each other, as RVO2's do.
         let start = |i: usize| 6.0 * Vec2::from_angle(i as f32 * std::f32::consts::TAU / n as f32);
@@ -246,7 +249,8 @@ fn bottleneck(gap: f32) -> Arc<Obstacles> {
     Arc::new(Obstacles::new(&[block(-8.0, -half), block(half, 8.0)]).unwrap())
 }
 
-/// With the crowd's own parameters. (Shorter horizons are faster, but let discs overlap by centimetres in the jam.)
+/// With the crowd's own parameters. (Shorter horizons are faster, but let discs overlap by
+/// centimetres in the jam.)
 #[test]
 fn a_bottleneck_passes_twenty_without_overlap() {
     let mut simulator = OrcaSimulator::new(0.1, bottleneck(1.2)).unwrap();

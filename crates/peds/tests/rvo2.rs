@@ -1,4 +1,5 @@
-//! The port against trajectories and half-planes that RVO2 itself recorded (provenance: `tests/data/README.md`).
+//! The port against trajectories and half-planes that RVO2 itself recorded (provenance:
+//! `tests/data/README.md`).
 
 mod support;
 

@@ -144,7 +144,8 @@ fn a_free_pedestrian_reaches_its_desired_speed() {
 fn a_corridor_is_traversed() {
     let room = [Vec2::new(0.0, -1.0), Vec2::new(0.0, 1.0), Vec2::new(20.0, 1.0), Vec2::new(20.0, -1.0)];
     let borders = Border::from_polygons(&[room]).unwrap();
-    // One behind the other: two abreast slow each other down, for each recoils from the step that it foresees the other take.
+    // One behind the other: two abreast slow each other down, for each recoils from the step that
+    // it foresees the other take.
     let walker = |x: f64, y: f64| Walker {
         position: DVec2::new(x, y),
         velocity: DVec2::ZERO,
@@ -161,10 +162,10 @@ fn a_corridor_is_traversed() {
     }
 }
 
-/// The wall of the ORCA test (0.4 m thick, a gap of 1.2 m). Pedestrians of this model are points: what keeps them apart is
-/// their repulsion, so "without overlap" means here that no two come nearer than a shoulder's width and none goes through
-/// the wall.
-/// Walks twenty through the gap: steps (if they pass within 4,000) and the least distance.
+/// The wall of the ORCA test (0.4 m thick, a gap of 1.2 m). Pedestrians of this model are points:
+/// what keeps them apart is their repulsion, so "without overlap" means here that no two come
+/// nearer than a shoulder's width and none goes through the wall. Walks twenty through the gap:
+/// steps (if they pass within 4,000) and the least distance.
 fn through_the_gap(variant: Variant) -> (Option<usize>, f64) {
     let block =
         |y0: f32, y1: f32| [Vec2::new(-0.2, y0), Vec2::new(0.2, y0), Vec2::new(0.2, y1), Vec2::new(-0.2, y1)];
@@ -197,10 +198,11 @@ fn through_the_gap(variant: Variant) -> (Option<usize>, f64) {
     (None, nearest)
 }
 
-/// Pedestrians of this model are points, kept apart only by their repulsion; what keeps bodies apart in a room is the
-/// room. With others' steps foreseen for 2 s the gap clogs: everyone aims at one point, and each recoils from where all
-/// others would be in two seconds. The default variant lets a few through and then jams, which is the model's and not the
-/// code's (the forces are the fixtures'); with 0.4 s all twenty pass.
+/// Pedestrians of this model are points, kept apart only by their repulsion; what keeps bodies
+/// apart in a room is the room. With others' steps foreseen for 2 s the gap clogs: everyone aims at
+/// one point, and each recoils from where all others would be in two seconds. The default variant
+/// lets a few through and then jams, which is the model's and not the code's (the forces are the
+/// fixtures'); with 0.4 s all twenty pass.
 #[test]
 fn a_bottleneck_passes_twenty_where_steps_are_foreseen_for_a_moment() {
     for variant in Variant::ALL {

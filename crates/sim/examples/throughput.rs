@@ -1,15 +1,16 @@
-//! Agent-steps per second on one thread: whole steps with motion, 512 noisy beams and observation writing.
+//! Agent-steps per second on one thread: whole steps with motion, 512 noisy beams and observation
+//! writing.
 //!
-//! `cargo run --release -p jostle-sim --example throughput` prints N = 5, N = 20 and N = 5 with 50 polygons, alternating
-//! between the cases, with the median of the rounds.
+//! `cargo run --release -p jostle-sim --example throughput` prints N = 5, N = 20 and N = 5 with 50
+//! polygons, alternating between the cases, with the median of the rounds.
 
 use glam::Vec2;
 use jostle_sim::{LaserKernel, Rooms, SimConfig, Streams};
 use std::fmt::Write;
 use std::time::Instant;
 
-/// Seconds that this thread has computed; where the system does not tell (it is not Linux), seconds on the clock.
-/// A machine that is busy with other work then does not distort the figures.
+/// Seconds that this thread has computed; where the system does not tell (it is not Linux), seconds
+/// on the clock. A machine that is busy with other work then does not distort the figures.
 fn seconds(start: Instant) -> f64 {
     let on_cpu = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
     let on_cpu = on_cpu.and_then(|text| text.split(' ').next()?.parse::<f64>().ok());

@@ -1,10 +1,13 @@
-//! The boundary of a room's free area: all walls and obstacles as one area, whatever pieces it was given in.
+//! The boundary of a room's free area: all walls and obstacles as one area, whatever pieces it was
+//! given in.
 //!
-//! Crowd models that know walls count what they are given: two boxes that make one wall would repel twice, and a rasterised
-//! wall has a box for every row of cells. So they are given lines between free and solid, in which no trace of the pieces is
-//! left. Two pieces nearer to each other than twice [`GAP`] touch: only rounding parts what was drawn in one.
+//! Crowd models that know walls count what they are given: two boxes that make one wall would repel
+//! twice, and a rasterised wall has a box for every row of cells. So they are given lines between
+//! free and solid, in which no trace of the pieces is left. Two pieces nearer to each other than
+//! twice [`GAP`] touch: only rounding parts what was drawn in one.
 //!
-//! The world and its laser keep the pieces: nothing of this changes what a body meets or a beam sees.
+//! The world and its laser keep the pieces: nothing of this changes what a body meets or a beam
+//! sees.
 
 use crate::geometry::{Pose, Shape};
 use crate::scenario::Scenario;
@@ -27,8 +30,9 @@ const SHORTEST: f64 = 1.1e-3;
 type Ring = Vec<DVec2>;
 
 impl Scenario {
-    /// The lines between free and solid: clockwise around each free area, counter-clockwise around what stands in it. Free
-    /// space is always on the right. A segment that touches nothing is a line of two points.
+    /// The lines between free and solid: clockwise around each free area, counter-clockwise around
+    /// what stands in it. Free space is always on the right. A segment that touches nothing is a
+    /// line of two points.
     ///
     /// A room without obstacles gives its four walls, from the least corner on.
     pub fn boundary(&self) -> Vec<Vec<Vec2>> {
@@ -50,7 +54,8 @@ impl Scenario {
     }
 }
 
-/// A shape's vertices around its own pose, counter-clockwise; of a disc the regular polygon around it; two of a segment.
+/// A shape's vertices around its own pose, counter-clockwise; of a disc the regular polygon around
+/// it; two of a segment.
 pub fn outline(shape: &Shape) -> Vec<Vec2> {
     match shape {
         Shape::Circle { radius } => {
@@ -125,7 +130,8 @@ fn distance([a, b]: [DVec2; 2], [c, d]: [DVec2; 2]) -> f64 {
     if cross { 0.0 } else { to(a, c, d).min(to(b, c, d)).min(to(c, a, b)).min(to(d, a, b)) }
 }
 
-/// The free area without the solid ones: lines with free space on their right, as the arguments are.
+/// The free area without the solid ones: lines with free space on their right, as the arguments
+/// are.
 fn difference(free: &[Ring], solid: &[Ring]) -> Vec<Ring> {
     let points = |ring: &Ring| shifted(ring, GAP).iter().map(DVec2::to_array).collect::<Vec<_>>();
     let free: Vec<Vec<[f64; 2]>> = free.iter().map(points).collect();

@@ -1,8 +1,9 @@
-//! The simulator's configuration: every number of the world and of the decision process, with its default.
+//! The simulator's configuration: every number of the world and of the decision process, with its
+//! default.
 //!
-//! Defaults are the paper's (Sec. V-A and the reward of Sec. IV) and, where it is silent, those of its lineage
-//! (Long et al. 2018, arXiv:1709.10082). [`SimConfig::validate`] is the only gate: what has passed it cannot fail later
-//! for a reason of range or type.
+//! Defaults are the paper's (Sec. V-A and the reward of Sec. IV) and, where it is silent, those of
+//! its lineage (Long et al. 2018, arXiv:1709.10082). [`SimConfig::validate`] is the only gate: what
+//! has passed it cannot fail later for a reason of range or type.
 
 use crate::geometry::Shape;
 use serde::{Deserialize, Serialize};
@@ -44,14 +45,14 @@ impl SimConfig {
         FRAMES * self.laser.beams + EXTRAS
     }
 
-    /// Distance from walls and obstacles that lets a robot be somewhere without a crash, whatever its heading, m: the crash
-    /// range, or the body's circumradius where that is larger.
+    /// Distance from walls and obstacles that lets a robot be somewhere without a crash, whatever
+    /// its heading, m: the crash range, or the body's circumradius where that is larger.
     pub fn passing_radius(&self) -> f32 {
         self.episode.crash_range.max(self.robot.circumradius())
     }
 
-    /// Distance between the centres of two bodies at which neither has crashed, whatever their headings, m: as
-    /// [`SimConfig::passing_radius`] from the nearest point of the other.
+    /// Distance between the centres of two bodies at which neither has crashed, whatever their
+    /// headings, m: as [`SimConfig::passing_radius`] from the nearest point of the other.
     pub fn body_clearance_min(&self) -> f32 {
         self.robot.circumradius() + self.passing_radius()
     }
@@ -65,8 +66,9 @@ pub struct RoomConfig {
     pub width: f32,
     /// Extent along y, m. Unused when a map is given.
     pub height: f32,
-    /// A polygon map (`.toml`, `.json`) or a ROS `map.yaml` that replaces the rectangle. A relative path starts from the folder
-    /// of the file that names it; one given by a command or a program, from the working directory.
+    /// A polygon map (`.toml`, `.json`) or a ROS `map.yaml` that replaces the rectangle. A relative
+    /// path starts from the folder of the file that names it; one given by a command or a program,
+    /// from the working directory.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub map: Option<PathBuf>,
     // The folder that a relative `map` starts from.
@@ -92,7 +94,8 @@ pub struct RobotConfig {
     pub v_max: f32,
     /// Largest angular velocity either way, rad/s.
     pub w_max: f32,
-    /// Switch: limits on how fast the velocity changes. Absent: a command acts at once (Stage's velocity mode).
+    /// Switch: limits on how fast the velocity changes. Absent: a command acts at once (Stage's
+    /// velocity mode).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub acceleration: Option<AccelerationLimits>,
 }
@@ -120,14 +123,16 @@ pub struct AccelerationLimits {
     pub w: f32,
 }
 
-/// The laser: `beams` from the body's centre, counter-clockwise, over the full circle or a sector of it.
+/// The laser: `beams` from the body's centre, counter-clockwise, over the full circle or a sector
+/// of it.
 ///
-/// Beam k points `angle_min` + k·increment from straight ahead. Over the full circle the increment is 2π/`beams`, so
-/// that the last beam is the first one's neighbour; in a sector it is `fov`/(`beams` − 1), so that the first and the
-/// last beam lie on the sector's edges, as in ROS' `sensor_msgs/LaserScan`. [`LaserConfig::beam_angle`] gives it.
+/// Beam k points `angle_min` + k·increment from straight ahead. Over the full circle the increment
+/// is 2π/`beams`, so that the last beam is the first one's neighbour; in a sector it is
+/// `fov`/(`beams` − 1), so that the first and the last beam lie on the sector's edges, as in ROS'
+/// `sensor_msgs/LaserScan`. [`LaserConfig::beam_angle`] gives it.
 ///
-/// A sector limits what the robot observes and nothing else: crashes and the safety zone are judged all round (see
-/// [`ScanSummary`](crate::ScanSummary)).
+/// A sector limits what the robot observes and nothing else: crashes and the safety zone are judged
+/// all round (see [`ScanSummary`](crate::ScanSummary)).
 ///
 /// # Examples
 ///
@@ -148,12 +153,12 @@ pub struct LaserConfig {
     pub range: f32,
     /// Standard deviation of the Gaussian noise on in-range returns, m; 0 turns it off.
     pub noise_std: f32,
-    /// Angle of view, rad; less than 2π is a sector, outside which no beam exists. Default 6.2831855 (paper), the full
-    /// circle.
+    /// Angle of view, rad; less than 2π is a sector, outside which no beam exists. Default
+    /// 6.2831855 (paper), the full circle.
     #[serde(skip_serializing_if = "is_full_circle")]
     pub fov: f32,
-    /// Angle of beam 0 from straight ahead, counter-clockwise, rad; −`fov`/2 centres a sector ahead. Default 0.0
-    /// (lineage).
+    /// Angle of beam 0 from straight ahead, counter-clockwise, rad; −`fov`/2 centres a sector
+    /// ahead. Default 0.0 (lineage).
     #[serde(skip_serializing_if = "is_zero")]
     pub angle_min: f32,
     /// The code that casts the beams.
@@ -183,7 +188,8 @@ impl LaserConfig {
     ///
     /// # Formula
     ///
-    /// `angle_min` + k·2π/`beams` over the full circle, `angle_min` + k·`fov`/(`beams` − 1) in a sector.
+    /// `angle_min` + k·2π/`beams` over the full circle, `angle_min` + k·`fov`/(`beams` − 1) in a
+    /// sector.
     pub fn beam_angle(&self, beam: usize) -> f64 {
         let (view, intervals) = if self.is_full_circle() {
             (std::f64::consts::TAU, self.beams)
@@ -242,8 +248,8 @@ pub enum LaserKernel {
 pub struct EpisodeConfig {
     /// The goal is reached nearer than this, m. (Long et al. use 0.1.)
     pub goal_radius: f32,
-    /// A robot whose least noise-free range is below this has crashed, m. So has one that was stopped by something which
-    /// no such range shows.
+    /// A robot whose least noise-free range is below this has crashed, m. So has one that was
+    /// stopped by something which no such range shows.
     pub crash_range: f32,
     /// An episode that lasts this many steps is truncated.
     pub step_limit: u32,
@@ -261,9 +267,11 @@ impl Default for EpisodeConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SpawnConfig {
-    /// Least distance of a start or goal from walls and obstacles, m; at least the crash range and the body's circumradius.
+    /// Least distance of a start or goal from walls and obstacles, m; at least the crash range and
+    /// the body's circumradius.
     pub wall_clearance: f32,
-    /// Least distance of a start from every other body's centre, m; at least two circumradii, and one with the crash range.
+    /// Least distance of a start from every other body's centre, m; at least two circumradii, and
+    /// one with the crash range.
     pub body_clearance: f32,
     /// Least distance of a goal from its start, m. A goal can be reached from its start.
     pub goal_distance: f32,

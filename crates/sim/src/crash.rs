@@ -1,13 +1,15 @@
 //! The crash rule: something is too near, or the body was stopped by something that no range shows.
 //!
-//! The rule of the paper's lineage is the scan's: the least noise-free range falls below the crash range. A body stops one
-//! step before it would touch something, and for the usual body every such stop is nearer than the crash range. A body
-//! that is larger, or faster, or looks with few beams may be stopped farther away; it would then stand at a wall until the
-//! time limit. So what stopped it counts as well:
+//! The rule of the paper's lineage is the scan's: the least noise-free range falls below the crash
+//! range. A body stops one step before it would touch something, and for the usual body every such
+//! stop is nearer than the crash range. A body that is larger, or faster, or looks with few beams
+//! may be stopped farther away; it would then stand at a wall until the time limit. So what stopped
+//! it counts as well:
 //!
-//! - A wall or an obstacle, always. (For the usual body the scan has seen it; only a pole between two beams has it not.)
-//! - Another body, where the scan is not certain to see that ([`CrashRule::new`]): both have crashed. Elsewhere it does not
-//!   count, because the other may have gone on within the same step.
+//! - A wall or an obstacle, always. (For the usual body the scan has seen it; only a pole between
+//!   two beams has it not.)
+//! - Another body, where the scan is not certain to see that ([`CrashRule::new`]): both have
+//!   crashed. Elsewhere it does not count, because the other may have gone on within the same step.
 
 use crate::config::SimConfig;
 use crate::episode::Outcome;
@@ -26,10 +28,11 @@ impl CrashRule {
     ///
     /// # Formula
     ///
-    /// A stop is certain to be seen if `(ρ + v_max·dt) / (cos α − sin α) ≤ crash_range`: the body of radius ρ stopped at
-    /// most one step before the contact, and half the angle between two beams, α = π/beams, off its direction a beam
-    /// still meets a right-angled corner at this range. Around a sector the summary is no beam's range but the exact
-    /// distance ([`ScanSummary`]), however many beams there are: α = 0.
+    /// A stop is certain to be seen if `(ρ + v_max·dt) / (cos α − sin α) ≤ crash_range`: the body
+    /// of radius ρ stopped at most one step before the contact, and half the angle between two
+    /// beams, α = π/beams, off its direction a beam still meets a right-angled corner at this
+    /// range. Around a sector the summary is no beam's range but the exact distance
+    /// ([`ScanSummary`]), however many beams there are: α = 0.
     pub fn new(config: &SimConfig) -> Self {
         let reach = f64::from(config.robot.circumradius())
             + f64::from(config.robot.v_max) * f64::from(config.episode.dt);
@@ -48,8 +51,8 @@ impl CrashRule {
         self.bodies_touch
     }
 
-    /// The crash of `body` after a step, if it is one: by its scan, else by the stops of the step, one per body. Bodies that
-    /// are not `visible` to it count in neither.
+    /// The crash of `body` after a step, if it is one: by its scan, else by the stops of the step,
+    /// one per body. Bodies that are not `visible` to it count in neither.
     pub fn crash(
         &self,
         scan: ScanSummary,
@@ -120,7 +123,8 @@ mod tests {
             })
         };
         assert!(!sector(4, 0.5).bodies_touch() && !sector(512, 0.5).bodies_touch());
-        // 0.3990 m of half diagonal and a step of 0.1 m are just nearer than 0.5 m, and 0.4015 m are not.
+        // 0.3990 m of half diagonal and a step of 0.1 m are just nearer than 0.5 m, and 0.4015 m
+        // are not.
         assert!(!sector(512, 0.622).bodies_touch() && sector(512, 0.628).bodies_touch());
         // A full circle of 512 beams does not reach as far.
         assert!(rule(|c| c.robot.length = 0.622).bodies_touch());

@@ -14,7 +14,8 @@ fn all_blind() -> TrainingCrowd {
     TrainingCrowd { blind: 1.0, stall_limit: 3, ..TrainingCrowd::default() }
 }
 
-/// One room without noise, whose agents stand at the given places (x, y, heading) with goals out of the way.
+/// One room without noise, whose agents stand at the given places (x, y, heading) with goals out of
+/// the way.
 fn room(crowd: &TrainingCrowd, places: &[(f32, f32, f32)]) -> Rooms {
     let mut config = SimConfig::default();
     config.laser.noise_std = 0.0;

@@ -1,7 +1,8 @@
 //! The result of a step, and the outcomes of an episode.
 //!
-//! An episode is truncated by its time limit and terminated by any other outcome. A learner must tell the two apart: the value
-//! after a terminated episode is 0, and after a truncated one that of its last observation.
+//! An episode is truncated by its time limit and terminated by any other outcome. A learner must
+//! tell the two apart: the value after a terminated episode is 0, and after a truncated one that of
+//! its last observation.
 
 use crate::traits::Role;
 use serde::{Deserialize, Serialize};
@@ -15,7 +16,8 @@ pub enum Outcome {
     Success,
     /// The nearest thing at a crash was a wall or an obstacle.
     CollisionWall,
-    /// The nearest thing at a crash was another body: a pedestrian in a test, another agent in training.
+    /// The nearest thing at a crash was another body: a pedestrian in a test, another agent in
+    /// training.
     CollisionPedestrian,
     /// The time limit was reached first.
     Timeout,
@@ -49,7 +51,8 @@ pub enum StepEnd {
 }
 
 impl StepEnd {
-    /// The state of an episode after its step number `steps`, by what the step led to and by the time limit.
+    /// The state of an episode after its step number `steps`, by what the step led to and by the
+    /// time limit.
     pub fn new(reached: Option<Outcome>, steps: u32, step_limit: u32) -> Self {
         match reached {
             Some(outcome) => Self::Ended(outcome),
@@ -71,7 +74,8 @@ impl StepEnd {
         self.outcome().is_some_and(|outcome| outcome != Outcome::Timeout)
     }
 
-    /// True if the time limit cut the episode off: the value after it is that of its last observation.
+    /// True if the time limit cut the episode off: the value after it is that of its last
+    /// observation.
     pub fn is_truncated(self) -> bool {
         self == Self::Ended(Outcome::Timeout)
     }

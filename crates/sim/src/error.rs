@@ -1,7 +1,8 @@
-//! The one error type of the crate: every message names the field or file, what was found and what was expected.
+//! The one error type of the crate: every message names the field or file, what was found and what
+//! was expected.
 //!
-//! A refusal that a program may want to act on has a variant with its numbers; the others, which are for a reader, are
-//! [`SimError::Field`] and [`SimError::File`].
+//! A refusal that a program may want to act on has a variant with its numbers; the others, which
+//! are for a reader, are [`SimError::Field`] and [`SimError::File`].
 
 use std::path::{Path, PathBuf};
 
@@ -26,7 +27,8 @@ pub enum SimError {
         /// True if `low` itself is not accepted.
         above_low: bool,
     },
-    /// A room is too small for so many bodies: with their clearances they could leave no place for another start.
+    /// A room is too small for so many bodies: with their clearances they could leave no place for
+    /// another start.
     #[error("n_agents: found {n_bodies}, expected {}", few_bodies(*free_area))]
     RoomTooSmall {
         /// Number of bodies asked for.
@@ -98,8 +100,9 @@ pub enum SimError {
 }
 
 impl SimError {
-    /// The field, the value found and the values expected, as the message has them, if the error is about a value and not
-    /// about a file: for whoever puts the field's section or file in front of it.
+    /// The field, the value found and the values expected, as the message has them, if the error is
+    /// about a value and not about a file: for whoever puts the field's section or file in front of
+    /// it.
     pub fn setting(&self) -> Option<(String, String, String)> {
         match self {
             Self::OutOfRange { field, found, low, high, above_low } => {
@@ -162,7 +165,8 @@ impl SimError {
     }
 }
 
-/// Text of a file as a part of a message: without control characters, at most [`FOUND_MAX`] characters.
+/// Text of a file as a part of a message: without control characters, at most [`FOUND_MAX`]
+/// characters.
 pub(crate) fn one_line(text: &str) -> String {
     let clean = |c: char| if c.is_control() { ' ' } else { c };
     let mut line: String = text.chars().take(FOUND_MAX).map(clean).collect();

@@ -1,9 +1,11 @@
-//! The places of a room, enumerated: where a start or a goal can be, and which of them can be reached from one another.
+//! The places of a room, enumerated: where a start or a goal can be, and which of them can be
+//! reached from one another.
 //!
-//! A grid covers the room. Each cell knows the distance from its centre to the nearest wall or obstacle; cells in which the
-//! body keeps its radius are flood-filled into regions; and the places of a region are the cells that keep the wall
-//! clearance and from which a goal is far enough. The farthest place from a point is a corner of the convex hull of its
-//! region's places, so that "is there a goal for this start" has an exact answer.
+//! A grid covers the room. Each cell knows the distance from its centre to the nearest wall or
+//! obstacle; cells in which the body keeps its radius are flood-filled into regions; and the places
+//! of a region are the cells that keep the wall clearance and from which a goal is far enough. The
+//! farthest place from a point is a corner of the convex hull of its region's places, so that "is
+//! there a goal for this start" has an exact answer.
 //!
 //! Reading order: [`FreeSpace::new`], then its private steps in the order of their calls.
 
@@ -22,7 +24,8 @@ const SOLID: u32 = u32::MAX;
 /// The distances that a place of a room has to keep.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Demands {
-    /// Radius at which the body gets about, m: of its outline or of the crash rule, whichever is larger.
+    /// Radius at which the body gets about, m: of its outline or of the crash rule, whichever is
+    /// larger.
     pub(crate) radius: f32,
     /// Least distance of a start or a goal from walls and obstacles, m; at least the radius.
     pub(crate) wall_clearance: f32,
@@ -34,15 +37,18 @@ pub(crate) struct Demands {
 pub(crate) struct FreeSpace {
     demands: Demands,
     grid: Grid,
-    /// Distance from each cell's centre to the nearest wall or obstacle, m; exact up to a little above what is asked for.
+    /// Distance from each cell's centre to the nearest wall or obstacle, m; exact up to a little
+    /// above what is asked for.
     distances: Vec<f32>,
     /// The region of each cell.
     regions: Vec<u32>,
-    /// Convex hull of each region's places, counter-clockwise; empty where no goal is far enough from any start.
+    /// Convex hull of each region's places, counter-clockwise; empty where no goal is far enough
+    /// from any start.
     hulls: Vec<Vec<Vec2>>,
     /// Cells in which a start can be, ascending.
     places: Vec<u32>,
-    /// Largest distance between two places of one region that keep the wall clearance, m; 0 if there are none.
+    /// Largest distance between two places of one region that keep the wall clearance, m; 0 if
+    /// there are none.
     pub(crate) diameter: f32,
 }
 
@@ -65,7 +71,8 @@ impl Grid {
     fn new(min: DVec2, max: DVec2, side: f64) -> Self {
         let size = max - min;
         let side = side.max((size.x * size.y / CELLS_MAX).sqrt());
-        // An odd count has a cell in the middle, so that a corridor of any width has a row of cells along its axis.
+        // An odd count has a cell in the middle, so that a corridor of any width has a row of cells
+        // along its axis.
         let odd = |length: f64| (length / side).ceil() as usize | 1;
         let (columns, rows) = (odd(size.x), odd(size.y));
         Self { min, cell: size / DVec2::new(columns as f64, rows as f64), columns, rows }
@@ -133,9 +140,11 @@ impl FreeSpace {
         (self.places.len() as f64 * self.grid.cell.x * self.grid.cell.y) as f32
     }
 
-    /// True if bodies that each keep others `clearance` away from their centres leave a place free wherever they are.
+    /// True if bodies that each keep others `clearance` away from their centres leave a place free
+    /// wherever they are.
     pub(crate) fn holds(&self, n_others: usize, clearance: f32) -> bool {
-        // A disc of this radius covers the whole of every cell whose centre is within the clearance.
+        // A disc of this radius covers the whole of every cell whose centre is within the
+        // clearance.
         let radius = f64::from(clearance) + self.half_diagonal();
         let covered = n_others as f64 * std::f64::consts::PI * radius * radius;
         covered < self.places.len() as f64 * self.grid.cell.x * self.grid.cell.y
@@ -146,7 +155,8 @@ impl FreeSpace {
         !self.places.is_empty()
     }
 
-    /// True if a cell keeps the wall clearance; `None` if that has to be measured at the point itself.
+    /// True if a cell keeps the wall clearance; `None` if that has to be measured at the point
+    /// itself.
     pub(crate) fn is_clear(&self, point: Vec2) -> Option<bool> {
         let (wanted, slack) = (f64::from(self.demands.wall_clearance), self.slack());
         match f64::from(self.distances[self.grid.cell_of(point)]) {
@@ -156,7 +166,8 @@ impl FreeSpace {
         }
     }
 
-    /// The region of a point in which starts can be; `None` in solid matter and where no goal is far enough.
+    /// The region of a point in which starts can be; `None` in solid matter and where no goal is
+    /// far enough.
     pub(crate) fn region(&self, point: Vec2) -> Option<u32> {
         let region = self.regions[self.grid.cell_of(point)];
         self.hulls.get(region as usize).filter(|hull| !hull.is_empty()).map(|_| region)
@@ -175,7 +186,8 @@ impl FreeSpace {
         })
     }
 
-    /// True if the body gets from one point to the other; points near to solid matter count to the nearest free cell.
+    /// True if the body gets from one point to the other; points near to solid matter count to the
+    /// nearest free cell.
     pub(crate) fn connects(&self, a: Vec2, b: Vec2) -> bool {
         let region = |point: Vec2| {
             let own = self.regions[self.grid.cell_of(point)];
@@ -222,7 +234,8 @@ impl FreeSpace {
         self.grid.cell.length() / 2.0
     }
 
-    /// Largest difference of a point's distance from that of its cell's centre, m, with room for rounding.
+    /// Largest difference of a point's distance from that of its cell's centre, m, with room for
+    /// rounding.
     fn slack(&self) -> f64 {
         self.half_diagonal() * 1.01 + 1e-3
     }
@@ -246,7 +259,8 @@ impl FreeSpace {
         }
     }
 
-    /// Gives the cells that keep `radius` regions: two cells that share an edge are of one. Returns the number of regions.
+    /// Gives the cells that keep `radius` regions: two cells that share an edge are of one. Returns
+    /// the number of regions.
     fn flood(&mut self, radius: f32) -> usize {
         let (columns, n) = (self.grid.columns, self.grid.len());
         let (mut n_regions, mut open) = (0, Vec::new());
@@ -323,7 +337,8 @@ fn distances_to_walls(grid: &Grid, (min, max): (Vec2, Vec2)) -> Vec<f32> {
     (0..grid.len()).map(distance).collect()
 }
 
-/// The convex hull of points that are sorted by y, then x: counter-clockwise, without points on its edges.
+/// The convex hull of points that are sorted by y, then x: counter-clockwise, without points on its
+/// edges.
 fn hull(points: &[Vec2]) -> Vec<Vec2> {
     let turn = |a: Vec2, b: Vec2, c: Vec2| (b - a).as_dvec2().perp_dot((c - a).as_dvec2());
     let chain = |points: &mut dyn Iterator<Item = &Vec2>| {

@@ -1,4 +1,5 @@
-//! Poses and shapes. Positions in metres, headings in radians, counter-clockwise positive, x forward.
+//! Poses and shapes. Positions in metres, headings in radians, counter-clockwise positive, x
+//! forward.
 
 use crate::error::SimError;
 use crate::trig::{sin_cos, wrap_angle};
@@ -68,10 +69,11 @@ pub enum Shape {
     },
 }
 
-/// Largest coordinate a shape may have in its own frame, m: beyond it f32 no longer resolves a millimetre.
+/// Largest coordinate a shape may have in its own frame, m: beyond it f32 no longer resolves a
+/// millimetre.
 const EXTENT_MAX: f32 = 10_000.0;
-/// Least extent of a shape and least length of an edge, m. What is thinner has no direction in f32, and the geometry
-/// library makes no shape of it.
+/// Least extent of a shape and least length of an edge, m. What is thinner has no direction in f32,
+/// and the geometry library makes no shape of it.
 const EXTENT_MIN: f32 = 1e-3;
 
 impl Shape {
@@ -84,8 +86,9 @@ impl Shape {
     ///
     /// # Errors
     ///
-    /// Names `field` when an extent is below 1 mm, above 10 km or not finite, or when a polygon is not convex, not
-    /// counter-clockwise, crosses itself, has a spike, a repeated vertex, no area or fewer than three vertices.
+    /// Names `field` when an extent is below 1 mm, above 10 km or not finite, or when a polygon is
+    /// not convex, not counter-clockwise, crosses itself, has a spike, a repeated vertex, no area
+    /// or fewer than three vertices.
     pub fn validate(&self, field: &str) -> Result<(), SimError> {
         let positive = |name: &str, value: f32| {
             if (EXTENT_MIN..=EXTENT_MAX).contains(&value) {
@@ -129,7 +132,8 @@ impl Shape {
         }
     }
 
-    /// Half of the shape's least width, m: the sub-step below which a body cannot jump over anything.
+    /// Half of the shape's least width, m: the sub-step below which a body cannot jump over
+    /// anything.
     pub fn least_half_width(&self) -> f32 {
         let vertices = self.vertices();
         let width_across = |i: usize| {

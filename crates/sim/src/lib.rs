@@ -1,15 +1,18 @@
-//! A fast, deterministic 2D world of laser robots among people, and the decision process on top of it.
+//! A fast, deterministic 2D world of laser robots among people, and the decision process on top of
+//! it.
 //!
-//! Reading order: [`SimConfig`]; [`World`] (poses, motion, overlaps); [`Laser`]; [`Observer`], [`reward`], [`Spawner`]; and
-//! [`Rooms`], which puts them together for the learner.
+//! Reading order: [`SimConfig`]; [`World`] (poses, motion, overlaps); [`Laser`]; [`Observer`],
+//! [`reward`], [`Spawner`]; and [`Rooms`], which puts them together for the learner.
 //!
-//! Architecture invariants: the world knows no reward; no result depends on the clock, on the number of threads, on CPU
-//! features or on the order of a hash map; after construction the hot path neither fails nor allocates.
+//! Architecture invariants: the world knows no reward; no result depends on the clock, on the
+//! number of threads, on CPU features or on the order of a hash map; after construction the hot
+//! path neither fails nor allocates.
 //!
 //! # Features
 //!
-//! All are on by default, and each is for a kind of map file: `toml` (polygon maps), `yaml` (ROS occupancy grids) and `png`
-//! (their images; PGM and PPM need no feature). Polygon maps as JSON are always read.
+//! All are on by default, and each is for a kind of map file: `toml` (polygon maps), `yaml` (ROS
+//! occupancy grids) and `png` (their images; PGM and PPM need no feature). Polygon maps as JSON are
+//! always read.
 //!
 //! # Examples
 //!
@@ -34,7 +37,8 @@
 //! ```
 
 #![cfg_attr(docsrs, feature(doc_cfg))]
-// `forbid` is not possible here: `laser::dispatch` calls functions compiled for CPU features found at run time.
+// `forbid` is not possible here: `laser::dispatch` calls functions compiled for CPU features found
+// at run time.
 #![deny(unsafe_code)]
 
 mod boundary;

@@ -1,4 +1,5 @@
-//! Motions: the move that a body is told to make in one control period, and the robot's limits on it.
+//! Motions: the move that a body is told to make in one control period, and the robot's limits on
+//! it.
 
 use crate::config::{AccelerationLimits, RobotConfig};
 use glam::Vec2;
@@ -34,7 +35,8 @@ pub fn clip_action(action: [f32; 2], robot: &RobotConfig) -> [f32; 2] {
 
 /// The velocity that a robot at `current` has when it is commanded `command` for `dt`.
 ///
-/// Without limits the command acts at once; with them each component moves towards it by at most limit·dt.
+/// Without limits the command acts at once; with them each component moves towards it by at most
+/// limit·dt.
 pub fn apply_limits(
     current: [f32; 2],
     command: [f32; 2],

@@ -6,12 +6,13 @@ use crate::laser::NoiseSource;
 use crate::rng::StreamRng;
 use glam::Vec2;
 
-/// Writes one robot's observation rows. The row itself holds the scans of the past: the same row must be passed
-/// to an observer every time.
+/// Writes one robot's observation rows. The row itself holds the scans of the past: the same row
+/// must be passed to an observer every time.
 ///
 /// # Shapes
 ///
-/// A row is `[scan oldest … newest (3·beams) | goal x, goal y | v, ω]`; ranges are range/10 − ½, the rest in SI units.
+/// A row is `[scan oldest … newest (3·beams) | goal x, goal y | v, ω]`; ranges are range/10 − ½,
+/// the rest in SI units.
 #[derive(Clone, Debug)]
 pub struct Observer {
     noise: NoiseSource,

@@ -23,7 +23,8 @@ use serde::{Deserialize, Serialize};
 /// Places tried for one obstacle.
 const TRIES: u32 = 64;
 
-/// The common part of all rooms with a training crowd: the empty room, from which each is furnished.
+/// The common part of all rooms with a training crowd: the empty room, from which each is
+/// furnished.
 pub(crate) struct Plan {
     pub(crate) scenario: Scenario,
     /// The configuration as far as starts and goals go: with the clearances that the largest member

@@ -4,7 +4,8 @@ use crate::config::{RewardConfig, SafetyZoneConfig};
 use crate::episode::Outcome;
 use glam::Vec2;
 
-/// The outcome of a step, but for the time limit, in the order of the paper's equation: the goal before a crash.
+/// The outcome of a step, but for the time limit, in the order of the paper's equation: the goal
+/// before a crash.
 ///
 /// `crash`: the kind of collision, if there is one.
 pub fn outcome(goal_distance: f32, goal_radius: f32, crash: Option<Outcome>) -> Option<Outcome> {
@@ -13,7 +14,8 @@ pub fn outcome(goal_distance: f32, goal_radius: f32, crash: Option<Outcome>) -> 
 
 /// Reward of one step, without the safety-zone terms.
 ///
-/// `progress` is the distance to the goal before the step less that after it, m; `w` the executed angular velocity.
+/// `progress` is the distance to the goal before the step less that after it, m; `w` the executed
+/// angular velocity.
 ///
 /// # Formula
 ///
@@ -42,9 +44,10 @@ pub struct ZoneBody {
 ///
 /// # Formula
 ///
-/// Ego: `−w_e·(d_e − d_min)` where `crash_range ≤ d_min < d_e`. Social: `−w_s·Σ overlap` over the others, where a body's
-/// zone is a disc around p + ½·h·u of radius ρ + ½·h·|u| (it reaches h·|u| further ahead than behind), and the
-/// overlap of two zones is max(0, 1 − distance/(sum of the radii)).
+/// Ego: `−w_e·(d_e − d_min)` where `crash_range ≤ d_min < d_e`. Social: `−w_s·Σ overlap` over the
+/// others, where a body's zone is a disc around p + ½·h·u of radius ρ + ½·h·|u| (it reaches h·|u|
+/// further ahead than behind), and the overlap of two zones is max(0, 1 − distance/(sum of the
+/// radii)).
 pub fn safety_zone(
     config: &SafetyZoneConfig,
     min_range: f32,
@@ -95,7 +98,8 @@ mod tests {
         assert_eq!(cost(1.2, at(5.0, 0.0)), 0.0);
         assert!((cost(0.7, at(5.0, 0.0)) + 0.3 * 0.5).abs() < 1e-6);
         assert_eq!(cost(0.49, at(5.0, 0.0)), 0.0);
-        // Standing at 0.6 m: 1 − 0.6/0.8; walking towards us at 1 m/s: centre 0.1 m away, radii 0.4 + 0.9.
+        // Standing at 0.6 m: 1 − 0.6/0.8; walking towards us at 1 m/s: centre 0.1 m away, radii 0.4
+        // + 0.9.
         assert!((cost(2.0, at(0.6, 0.0)) + 0.3 * 0.25).abs() < 1e-6);
         assert!((cost(2.0, at(0.6, -1.0)) + 0.3 * (1.0 - 0.1 / 1.3)).abs() < 1e-6);
     }

@@ -1,11 +1,12 @@
 //! Named, seekable random streams: every draw of the workspace comes from one of these.
 //!
-//! One root seed gives one `ChaCha8` key; a stream's name and indices give its 64-bit stream id. Two streams of
-//! different ids never overlap, and a stream can be resumed from its word position.
+//! One root seed gives one `ChaCha8` key; a stream's name and indices give its 64-bit stream id.
+//! Two streams of different ids never overlap, and a stream can be resumed from its word position.
 
 use rand_chacha::rand_core::SeedableRng;
 
-/// The generator behind every stream: `ChaCha8`, seekable (`get_word_pos`, `set_word_pos`) and serialisable.
+/// The generator behind every stream: `ChaCha8`, seekable (`get_word_pos`, `set_word_pos`) and
+/// serialisable.
 pub type StreamRng = rand_chacha::ChaCha8Rng;
 
 /// The family of streams that belong to one root seed.
@@ -35,12 +36,14 @@ impl Streams {
         self.seed
     }
 
-    /// The stream called `name`, told apart from its siblings by `indices` (room, agent, episode, …), at its start.
+    /// The stream called `name`, told apart from its siblings by `indices` (room, agent, episode,
+    /// …), at its start.
     ///
     /// # Formula
     ///
-    /// The key is `ChaCha8Rng::seed_from_u64(seed)`. The stream id is FNV-1a 64 over the bytes of `name`, one byte
-    /// `0xFF` (which no UTF-8 text holds), and each index as eight little-endian bytes.
+    /// The key is `ChaCha8Rng::seed_from_u64(seed)`. The stream id is FNV-1a 64 over the bytes of
+    /// `name`, one byte `0xFF` (which no UTF-8 text holds), and each index as eight little-endian
+    /// bytes.
     pub fn stream(&self, name: &str, indices: &[u64]) -> StreamRng {
         let mut rng = StreamRng::seed_from_u64(self.seed);
         rng.set_stream(stream_id(name, indices));
@@ -60,7 +63,8 @@ mod tests {
     use super::*;
     use rand::Rng;
 
-    /// FNV-1a of a prefix without indices, against the published value for "foobar" continued by the separator.
+    /// FNV-1a of a prefix without indices, against the published value for "foobar" continued by
+    /// the separator.
     #[test]
     fn stream_id_is_fnv_1a() {
         let foobar: u64 = 0x8594_4171_F739_67E8;

@@ -238,7 +238,8 @@ impl Room {
         self.absent[agent] = true;
     }
 
-    /// Clips, limits and executes the actions; velocities are what then holds, (0, 0) for a stalled robot.
+    /// Clips, limits and executes the actions; velocities are what then holds, (0, 0) for a stalled
+    /// robot.
     fn drive(&mut self, actions: &[[f32; 2]], transitions: &mut [Transition]) {
         let (robot, dt) = (&self.config.robot, self.config.episode.dt);
         let limits = robot.acceleration.as_ref();
@@ -284,7 +285,8 @@ impl Room {
         if self.traits[agent].stalled_steps < self.crowd.stall_limit {
             return None;
         }
-        // Further from walls and obstacles than a step and half its body it can have met bodies only.
+        // Further from walls and obstacles than a step and half its body it can have met bodies
+        // only.
         let step = self.traits[agent].speed * self.config.robot.v_max * self.config.episode.dt;
         let reach = self.world.shape(agent).circumradius() + step;
         let at_wall = self.world.clearance(self.world.pose(agent).position) <= reach;
@@ -338,7 +340,8 @@ impl Room {
         }
     }
 
-    /// True if a member of the crowd goes on to another goal: it has arrived, or has changed its mind.
+    /// True if a member of the crowd goes on to another goal: it has arrived, or has changed its
+    /// mind.
     fn walks_on(&mut self, agent: usize, ended: Option<Outcome>) -> bool {
         let (crowd, rng) = (&self.crowd, &mut self.agents[agent].crowd);
         match ended {
@@ -348,8 +351,8 @@ impl Room {
         }
     }
 
-    /// Gives a member a new goal from where it is and lets it face it at once where the crowd does; returns the distance to the
-    /// goal.
+    /// Gives a member a new goal from where it is and lets it face it at once where the crowd does;
+    /// returns the distance to the goal.
     fn renew_goal(&mut self, agent: usize) -> f32 {
         let pose = self.world.pose(agent);
         let goal = self.spawner.goal(&self.world, pose.position, &mut self.agents[agent].crowd);
@@ -364,7 +367,8 @@ impl Room {
         pose.position.distance(goal)
     }
 
-    /// Starts a new episode for one robot: what it is, start, goal and token. The first `n_placed` bodies but itself are in the way.
+    /// Starts a new episode for one robot: what it is, start, goal and token. The first `n_placed`
+    /// bodies but itself are in the way.
     fn place(&mut self, agent: usize, n_placed: usize, tokens: &mut [u32]) {
         let streams = &mut self.agents[agent];
         if agent > 0 && !self.crowd.is_off() {

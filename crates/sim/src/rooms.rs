@@ -1,7 +1,7 @@
 //! Many rooms at once: the vectorised decision process that the learner uses.
 //!
-//! Rooms share nothing, so they step in parallel and the number of threads cannot change a bit. Agent `a` of room `r` has
-//! the index r·N + a everywhere.
+//! Rooms share nothing, so they step in parallel and the number of threads cannot change a bit.
+//! Agent `a` of room `r` has the index r·N + a everywhere.
 
 use crate::config::SimConfig;
 use crate::episode::Transition;
@@ -47,12 +47,13 @@ pub struct Rooms {
 }
 
 impl Rooms {
-    /// Makes the rooms and starts every agent's first episode. Agent (r, a) draws from the streams "spawn", "token" and
-    /// "noise" with the indices [r, a].
+    /// Makes the rooms and starts every agent's first episode. Agent (r, a) draws from the streams
+    /// "spawn", "token" and "noise" with the indices [r, a].
     ///
     /// # Errors
     ///
-    /// When the configuration is refused, a count is 0, or the room is too small for that many agents.
+    /// When the configuration is refused, a count is 0, or the room is too small for that many
+    /// agents.
     pub fn new(
         config: &SimConfig,
         n_rooms: usize,
@@ -63,8 +64,8 @@ impl Rooms {
         Self::with_crowd(config, &TrainingCrowd::default(), n_rooms, n_agents, n_behaviours, streams)
     }
 
-    /// As [`Rooms::new`], with a training crowd among the agents. What agent (r, a) is in an episode is drawn from the
-    /// stream `training_crowd` with the indices [r, a].
+    /// As [`Rooms::new`], with a training crowd among the agents. What agent (r, a) is in an
+    /// episode is drawn from the stream `training_crowd` with the indices [r, a].
     ///
     /// # Errors
     ///
@@ -151,8 +152,8 @@ impl Rooms {
         self.rooms[agent_idx / self.n_agents].traits[agent_idx % self.n_agents].role
     }
 
-    /// The number that chooses the frozen policy of an agent with the role [`Role::Opponent`]: uniform over all u32, drawn
-    /// for each episode.
+    /// The number that chooses the frozen policy of an agent with the role [`Role::Opponent`]:
+    /// uniform over all u32, drawn for each episode.
     pub fn opponent(&self, agent_idx: usize) -> u32 {
         self.rooms[agent_idx / self.n_agents].traits[agent_idx % self.n_agents].opponent
     }
@@ -172,7 +173,8 @@ impl Rooms {
         &self.transitions
     }
 
-    /// The last observation of an episode that ended in the last step, for the bootstrap value of a truncation.
+    /// The last observation of an episode that ended in the last step, for the bootstrap value of a
+    /// truncation.
     ///
     /// # Panics
     ///
@@ -186,7 +188,8 @@ impl Rooms {
         &self.finals[agent_idx * width..][..width]
     }
 
-    /// Pose, goal and clearance of an agent: at the end of its episode if that ended in the last step, else now.
+    /// Pose, goal and clearance of an agent: at the end of its episode if that ended in the last
+    /// step, else now.
     ///
     /// # Panics
     ///
@@ -197,9 +200,10 @@ impl Rooms {
         if running { room.whereabouts(agent) } else { room.end(agent) }
     }
 
-    /// Takes an agent out of its room for good, body and all: the others no longer meet or see it, and from now on its
-    /// actions and its row mean nothing and its transitions are empty. For episodes that all begin together and end one by
-    /// one; training does without it. A batch with agents taken out has no snapshot that [`Rooms::restore`] would take.
+    /// Takes an agent out of its room for good, body and all: the others no longer meet or see it,
+    /// and from now on its actions and its row mean nothing and its transitions are empty. For
+    /// episodes that all begin together and end one by one; training does without it. A batch with
+    /// agents taken out has no snapshot that [`Rooms::restore`] would take.
     ///
     /// # Panics
     ///
@@ -208,7 +212,8 @@ impl Rooms {
         self.rooms[agent_idx / self.n_agents].remove(agent_idx % self.n_agents);
     }
 
-    /// Steps every room. The actions are samples as they were drawn; their clipped copies are executed.
+    /// Steps every room. The actions are samples as they were drawn; their clipped copies are
+    /// executed.
     ///
     /// # Panics
     ///
@@ -221,7 +226,8 @@ impl Rooms {
     ///
     /// # Panics
     ///
-    /// When the range goes beyond the rooms, there is not one action per agent in it, or an action is not finite.
+    /// When the range goes beyond the rooms, there is not one action per agent in it, or an action
+    /// is not finite.
     pub fn step_range(&mut self, rooms: Range<usize>, actions: &[[f32; 2]]) {
         let (_, rest) = self.all_mut().split_at(rooms.start);
         rest.split_at(rooms.len()).0.step(actions);

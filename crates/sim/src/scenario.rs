@@ -1,14 +1,16 @@
 //! The static part of a world: walls and obstacles.
 //!
-//! Architecture invariant: a scenario is data. [`maps`](crate::maps) makes it from a configuration or a file.
+//! Architecture invariant: a scenario is data. [`maps`](crate::maps) makes it from a configuration
+//! or a file.
 
 use crate::error::SimError;
 use crate::geometry::{Pose, Shape};
 use crate::world::World;
 use glam::{DVec2, Vec2};
 
-/// Largest coordinate of a wall or an obstacle, m. At twice this, neighbouring f32 are 0.1 mm apart, a thousandth of a
-/// control step of the paper's robot; farther out steps are rounded away and driven ways no longer add up.
+/// Largest coordinate of a wall or an obstacle, m. At twice this, neighbouring f32 are 0.1 mm
+/// apart, a thousandth of a control step of the paper's robot; farther out steps are rounded away
+/// and driven ways no longer add up.
 pub const REACH: f32 = 1000.0;
 
 /// Walls and obstacles without any body.
@@ -25,9 +27,11 @@ pub struct Scenario {
 /// The outline of an occupancy grid's free area: what `boundary` starts from.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TracedArea {
-    /// Closed lines in the world, m: clockwise around free areas, counter-clockwise around the solid in them.
+    /// Closed lines in the world, m: clockwise around free areas, counter-clockwise around the
+    /// solid in them.
     pub rings: Vec<Vec<DVec2>>,
-    /// Number of the scenario's obstacles, from the first on, that are the grid's own boxes and so within the rings already.
+    /// Number of the scenario's obstacles, from the first on, that are the grid's own boxes and so
+    /// within the rings already.
     pub n_obstacles: usize,
 }
 
@@ -43,7 +47,8 @@ impl Scenario {
     ///
     /// # Errors
     ///
-    /// When a wall or an obstacle is refused by the world or lies farther than [`REACH`] from the origin.
+    /// When a wall or an obstacle is refused by the world or lies farther than [`REACH`] from the
+    /// origin.
     pub fn build(&self) -> Result<World, SimError> {
         let mut world = World::new();
         world.set_walls(self.walls.0, self.walls.1)?;

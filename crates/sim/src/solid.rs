@@ -1,4 +1,5 @@
-//! A shape placed in the world: its outline for the laser's closed forms and its parry shape for overlaps and casts.
+//! A shape placed in the world: its outline for the laser's closed forms and its parry shape for
+//! overlaps and casts.
 
 use crate::geometry::{Pose, Shape};
 use crate::trig::sin_cos;
@@ -91,7 +92,8 @@ impl Solid {
             .intersecting
     }
 
-    /// Distance between the outlines of two solids, or `most` if they are farther apart: 0 where they share a point.
+    /// Distance between the outlines of two solids, or `most` if they are farther apart: 0 where
+    /// they share a point.
     pub(crate) fn distance(&self, other: &Self, most: f32) -> f32 {
         let reach = self.circumradius + other.circumradius;
         if self.pose.position.distance(other.pose.position) - reach >= most {

@@ -1,13 +1,17 @@
 //! Starts and goals: uniform over the places of the room in which a body can be.
 //!
-//! A draw is a rejection first: points of the room until one holds, with a bound on the tries. Where the bound is reached,
-//! the cells of the enumerated free space are asked instead (`free_space`), from the same stream; so a draw never fails, and
-//! in a room in which the first part succeeds the second changes no bit. The rules, in the order in which they give way:
+//! A draw is a rejection first: points of the room until one holds, with a bound on the tries.
+//! Where the bound is reached, the cells of the enumerated free space are asked instead
+//! (`free_space`), from the same stream; so a draw never fails, and in a room in which the first
+//! part succeeds the second changes no bit. The rules, in the order in which they give way:
 //!
 //! 1. A start or a goal keeps the wall clearance, and a goal can be reached from its start.
-//! 2. A start keeps the body clearance. [`Spawner::check_room`] refuses rooms in which that could become impossible.
-//! 3. A goal is a goal distance away, and a start has such a goal. [`Spawner::new`] refuses rooms without.
-//! 4. A re-spawned body keeps its larger clearance; where none does, it gets the place that is farthest from all bodies.
+//! 2. A start keeps the body clearance. [`Spawner::check_room`] refuses rooms in which that could
+//!    become impossible.
+//! 3. A goal is a goal distance away, and a start has such a goal. [`Spawner::new`] refuses rooms
+//!    without.
+//! 4. A re-spawned body keeps its larger clearance; where none does, it gets the place that is
+//!    farthest from all bodies.
 //! 5. A body that has arrived where no goal is far enough gets the farthest place there is.
 
 use crate::config::SimConfig;
@@ -31,7 +35,8 @@ const COVERED_MAX: f32 = 0.8;
 
 /// Draws starts and goals for a world with walls.
 ///
-/// It knows the obstacles that the world had when it was made: a world that gets another one needs another spawner.
+/// It knows the obstacles that the world had when it was made: a world that gets another one needs
+/// another spawner.
 #[derive(Clone, Debug)]
 pub struct Spawner {
     wall_clearance: f32,
@@ -52,8 +57,8 @@ impl Spawner {
     ///
     /// # Errors
     ///
-    /// When the world has no walls, the walls are nearer to each other than twice the wall clearance, or no two
-    /// places that can be reached from one another are a goal distance apart.
+    /// When the world has no walls, the walls are nearer to each other than twice the wall
+    /// clearance, or no two places that can be reached from one another are a goal distance apart.
     pub fn new(config: &SimConfig, world: &World) -> Result<Self, SimError> {
         let walls =
             world.walls().ok_or_else(|| SimError::field("room", "no walls", "walls to spawn within"))?;
@@ -98,8 +103,9 @@ impl Spawner {
     ///
     /// # Errors
     ///
-    /// [`SimError::Field`] when the body clearance lets two bodies crash where they start, [`SimError::RoomTooSmall`] when
-    /// the other bodies' discs could cover 80 % of the area in which a start can be.
+    /// [`SimError::Field`] when the body clearance lets two bodies crash where they start,
+    /// [`SimError::RoomTooSmall`] when the other bodies' discs could cover 80 % of the area in
+    /// which a start can be.
     pub fn check_room(&self, n_bodies: usize) -> Result<(), SimError> {
         let n_others = n_bodies.saturating_sub(1);
         if n_others > 0 && self.body_clearance < self.body_clearance_min {
@@ -120,8 +126,9 @@ impl Spawner {
         Ok(())
     }
 
-    /// A start with the configured body clearance from every body that `counts`, its heading uniform, and a goal for it.
-    /// A start without a goal (in the middle of a small room) is drawn anew.
+    /// A start with the configured body clearance from every body that `counts`, its heading
+    /// uniform, and a goal for it. A start without a goal (in the middle of a small room) is drawn
+    /// anew.
     pub fn start_and_goal(
         &self,
         world: &World,
@@ -139,8 +146,9 @@ impl Spawner {
         (start, self.goal(world, start.position, rng))
     }
 
-    /// A place for a body that is put elsewhere, at least `clearance` from every body that `counts`, its heading uniform,
-    /// and a goal for it. Where no place is so far from all of them, it is the farthest.
+    /// A place for a body that is put elsewhere, at least `clearance` from every body that
+    /// `counts`, its heading uniform, and a goal for it. Where no place is so far from all of them,
+    /// it is the farthest.
     pub fn respawn(
         &self,
         world: &World,
@@ -157,8 +165,8 @@ impl Spawner {
         (start, self.goal(world, start.position, rng))
     }
 
-    /// A goal for a body at `start`: it keeps the wall clearance and the goal distance and can be reached. Where no place
-    /// is a goal distance away, it is the farthest.
+    /// A goal for a body at `start`: it keeps the wall clearance and the goal distance and can be
+    /// reached. Where no place is a goal distance away, it is the farthest.
     pub fn goal(&self, world: &World, start: Vec2, rng: &mut impl Rng) -> Vec2 {
         let region = self.nearest_region(start);
         if !self.space.has_goal(region, start) {
@@ -191,7 +199,8 @@ impl Spawner {
         })
     }
 
-    /// A start in one of the enumerated places that are at least `clearance` from all bodies, or in the farthest.
+    /// A start in one of the enumerated places that are at least `clearance` from all bodies, or in
+    /// the farthest.
     fn listed_start(
         &self,
         world: &World,
@@ -226,7 +235,8 @@ impl Spawner {
         centres.fold((f32::NEG_INFINITY, Vec2::ZERO), further).1
     }
 
-    /// A goal in one of the enumerated places of a region that are far enough from `start`, or in the farthest.
+    /// A goal in one of the enumerated places of a region that are far enough from `start`, or in
+    /// the farthest.
     fn listed_goal(&self, world: &World, region: u32, start: Vec2, rng: &mut impl Rng) -> Vec2 {
         let reach = self.goal_distance.powi(2);
         let far = |point: Vec2| point.distance_squared(start) >= reach;

@@ -1,7 +1,7 @@
 //! The whole state of [`Rooms`] as plain numbers: what a checkpoint keeps.
 //!
-//! Poses, episodes, tokens, observation rows (they hold the scans of the past) and the position of every random stream.
-//! Nothing else has a memory, so a restored batch goes on bit for bit.
+//! Poses, episodes, tokens, observation rows (they hold the scans of the past) and the position of
+//! every random stream. Nothing else has a memory, so a restored batch goes on bit for bit.
 
 use crate::error::SimError;
 use crate::geometry::Pose;
@@ -83,12 +83,13 @@ impl Rooms {
         }
     }
 
-    /// Goes to a snapshot of rooms that were made with the same arguments. The transitions of the step before the
-    /// snapshot are not part of it: they read as those of a fresh batch.
+    /// Goes to a snapshot of rooms that were made with the same arguments. The transitions of the
+    /// step before the snapshot are not part of it: they read as those of a fresh batch.
     ///
     /// # Errors
     ///
-    /// When the snapshot is of another seed or shape or holds numbers that are not finite; nothing is changed then.
+    /// When the snapshot is of another seed or shape or holds numbers that are not finite; nothing
+    /// is changed then.
     pub fn restore(&mut self, state: RoomsState) -> Result<(), SimError> {
         self.check_state(&state)?;
         let streams = Streams::new(state.seed);

@@ -1,4 +1,5 @@
-//! Training crowds: agents of a training room that are not learners, drawn anew for each episode of each agent.
+//! Training crowds: agents of a training room that are not learners, drawn anew for each episode of
+//! each agent.
 //!
 //! With everything at its default every agent is a learner, in a room that stays as it is, and no
 //! number is drawn. Otherwise each episode of each agent begins with a draw of its [`Role`], from
@@ -12,15 +13,18 @@
 //!
 //! # Rules for members
 //!
-//! - A seeing or blind member is driven by the present policy, an opponent by a frozen one; a walker by a rule ([`Traits::walk`]): it turns on the spot until
-//!   it faces its goal and goes straight on, whoever is in its way. Walkers sense nothing and have no rule of crashing.
-//! - A blind member's laser shows walls and obstacles only, and so does its rule of crashing. A learner in its way sees
-//!   it come and crashes by its own scan; the blind one goes on.
-//! - Bodies never overlap, so a member that does not look stands still where it meets another member. Whoever has been
-//!   stopped for `stall_limit` steps in a row ends its episode there, as a collision with what stopped it.
-//! - Goal and time limit end a member's episode like a learner's. With `walk_on` a member that reaches its goal gets another and
-//!   walks on, and now and then one changes its mind on the way (`new_goal_every`), as people do; with `turn_at_once` it faces
-//!   its new goal at once, as people on two legs can. If its body has no room to turn, it turns as it drives.
+//! - A seeing or blind member is driven by the present policy, an opponent by a frozen one; a
+//!   walker by a rule ([`Traits::walk`]): it turns on the spot until it faces its goal and goes
+//!   straight on, whoever is in its way. Walkers sense nothing and have no rule of crashing.
+//! - A blind member's laser shows walls and obstacles only, and so does its rule of crashing. A
+//!   learner in its way sees it come and crashes by its own scan; the blind one goes on.
+//! - Bodies never overlap, so a member that does not look stands still where it meets another
+//!   member. Whoever has been stopped for `stall_limit` steps in a row ends its episode there, as a
+//!   collision with what stopped it.
+//! - Goal and time limit end a member's episode like a learner's. With `walk_on` a member that
+//!   reaches its goal gets another and walks on, and now and then one changes its mind on the way
+//!   (`new_goal_every`), as people do; with `turn_at_once` it faces its new goal at once, as people
+//!   on two legs can. If its body has no room to turn, it turns as it drives.
 
 use crate::config::check::within;
 use crate::config::{RobotConfig, SimConfig};
@@ -30,41 +34,47 @@ use glam::Vec2;
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
 
-/// The agents that share the training rooms with the learners; the `[training_crowd]` part of a training file.
+/// The agents that share the training rooms with the learners; the `[training_crowd]` part of a
+/// training file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TrainingCrowd {
-    /// Share of agents that are blind for an episode: driven by the present policy, by a laser that shows walls and
-    /// obstacles but no other agent. Nothing is learned from them. The first agent of a room is never one. Default 0.
+    /// Share of agents that are blind for an episode: driven by the present policy, by a laser that
+    /// shows walls and obstacles but no other agent. Nothing is learned from them. The first agent
+    /// of a room is never one. Default 0.
     pub blind: f32,
-    /// Share of agents that are, for an episode, driven by the present policy and see everyone, but at the crowd's speed.
-    /// Default 0.
+    /// Share of agents that are, for an episode, driven by the present policy and see everyone, but
+    /// at the crowd's speed. Default 0.
     pub seeing: f32,
-    /// Share of agents that walk straight to their goal for an episode, at a constant speed, whoever is in their way: they
-    /// follow a rule, no policy. Default 0.
+    /// Share of agents that walk straight to their goal for an episode, at a constant speed,
+    /// whoever is in their way: they follow a rule, no policy. Default 0.
     pub straight: f32,
-    /// Share of agents that walk as the straight ones do, but stand still every now and then. Default 0.
+    /// Share of agents that walk as the straight ones do, but stand still every now and then.
+    /// Default 0.
     pub stop_and_go: f32,
     /// Share of agents that stand still for a whole episode. Default 0.
     pub standing: f32,
-    /// Share of agents that are driven for an episode by a frozen policy of the `population`. They see everyone. Default 0.
+    /// Share of agents that are driven for an episode by a frozen policy of the `population`. They
+    /// see everyone. Default 0.
     pub opponents: f32,
-    /// Least factor on the linear velocity that a member of the crowd executes; uniform up to `speed_max`, drawn for
-    /// each episode. A walker's speed is this times `sim.robot.v_max`. Learners keep theirs. Default 1.
+    /// Least factor on the linear velocity that a member of the crowd executes; uniform up to
+    /// `speed_max`, drawn for each episode. A walker's speed is this times `sim.robot.v_max`.
+    /// Learners keep theirs. Default 1.
     pub speed_min: f32,
     /// Largest factor on the linear velocity that a member of the crowd executes. Default 1.
     pub speed_max: f32,
-    /// Least time that a stop-and-go walker walks or stands, s; uniform up to `phase_max`, drawn for each walk and each stop.
-    /// Default 0.5.
+    /// Least time that a stop-and-go walker walks or stands, s; uniform up to `phase_max`, drawn
+    /// for each walk and each stop. Default 0.5.
     pub phase_min: f32,
     /// Longest time that a stop-and-go walker walks or stands, s. Default 4.
     pub phase_max: f32,
-    /// Whether a member that reaches its goal gets another from where it is and walks on; else its episode ends there.
+    /// Lets a member that reaches its goal walk on to another one; else its episode ends there.
     /// Default false.
     pub walk_on: bool,
-    /// Mean time after which a member that walks on changes its goal on the way, s; 0 never. Default 0.
+    /// Mean time after which a member that walks on changes its goal on the way, s; 0 never.
+    /// Default 0.
     pub new_goal_every: f32,
-    /// Whether a member that gets a new goal on the way faces it at once. Default false.
+    /// Turns a member that gets a new goal on the way to it at once. Default false.
     pub turn_at_once: bool,
     /// Least factor on the length and the width of a member's body; uniform up to `size_max`, drawn
     /// for each episode. Default 1.
@@ -87,7 +97,8 @@ pub struct TrainingCrowd {
     /// Steps after which a room draws its obstacles and its number of agents anew; agents leave as
     /// their episodes end. Default 2000.
     pub renew_steps: u32,
-    /// A member that something has stopped for this many steps in a row ends its episode. Default 10: a second.
+    /// A member that something has stopped for this many steps in a row ends its episode. Default
+    /// 10: a second.
     pub stall_limit: u32,
 }
 
@@ -155,8 +166,8 @@ impl TrainingCrowd {
         roomy
     }
 
-    /// The share of agents that have each role, with its key. The order is that of the draw: new ones come last, so
-    /// that a crowd without them is drawn as ever.
+    /// The share of agents that have each role, with its key. The order is that of the draw: new
+    /// ones come last, so that a crowd without them is drawn as ever.
     pub fn shares(&self) -> [(&'static str, f32, Role); 6] {
         [
             ("blind", self.blind, Role::Blind),
@@ -225,7 +236,8 @@ impl TrainingCrowd {
         Traits { role, speed, stands, opponent, size, ..Traits::default() }
     }
 
-    /// True if a member changes its goal on the way in a step of `dt` (s). Draws nothing where none ever does.
+    /// True if a member changes its goal on the way in a step of `dt` (s). Draws nothing where none
+    /// ever does.
     pub(crate) fn changes_goal(&self, dt: f32, rng: &mut impl Rng) -> bool {
         self.walk_on && self.new_goal_every > 0.0 && rng.random::<f32>() < dt / self.new_goal_every
     }
@@ -283,7 +295,8 @@ impl Role {
         self == Self::Learner
     }
 
-    /// True if a policy drives the agent: it then has a laser, and the rule of crashing holds for it.
+    /// True if a policy drives the agent: it then has a laser, and the rule of crashing holds for
+    /// it.
     pub fn has_policy(self) -> bool {
         matches!(self, Self::Learner | Self::Blind | Self::Seeing | Self::Opponent)
     }
@@ -306,7 +319,8 @@ pub(crate) struct Traits {
     pub(crate) role: Role,
     /// Factor on the linear velocity; exactly 1 for a learner.
     pub(crate) speed: f32,
-    /// Steps in a row, up to the last one, in which a member was stopped by what was in its way; 0 for a learner.
+    /// Steps in a row, up to the last one, in which a member was stopped by what was in its way; 0
+    /// for a learner.
     pub(crate) stalled_steps: u32,
     /// True while a stop-and-go walker stands.
     #[serde(default)]
@@ -351,7 +365,8 @@ impl Traits {
         if self.role.learns() { [v, w] } else { [v * self.speed, w] }
     }
 
-    /// The action of a walker: at `v_max`, on which its speed is a factor, once it faces its goal, till then a turn towards it.
+    /// The action of a walker: at `v_max`, on which its speed is a factor, once it faces its goal,
+    /// till then a turn towards it.
     pub(crate) fn walk(
         &mut self,
         crowd: &TrainingCrowd,

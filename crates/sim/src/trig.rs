@@ -1,6 +1,7 @@
 //! Trigonometry whose bits depend neither on the platform's C library nor on CPU features.
 //!
-//! `f32::sin` calls the platform's libm, which may pick another routine per CPU. Rust's `libm` port has one routine.
+//! `f32::sin` calls the platform's libm, which may pick another routine per CPU. Rust's `libm` port
+//! has one routine.
 // Called a few times per shape and scan.
 #![allow(clippy::inline_always)]
 
@@ -20,14 +21,15 @@ pub fn wrap_angle(angle: f64) -> f32 {
     wrapped as f32
 }
 
-/// The direction of (x, y) in turns, within [0, 1], off by at most 2e-6 turns: for culling, never for ranges.
+/// The direction of (x, y) in turns, within [0, 1], off by at most 2e-6 turns: for culling, never
+/// for ranges.
 ///
 /// The zero vector gives a quarter turn.
 ///
 /// # Formula
 ///
-/// The smaller of |x|, |y| over the larger, then an odd minimax polynomial of degree 9 for atan on [0, 1]
-/// (Abramowitz and Stegun 4.4.49, error 1e-5 rad), unfolded by octant.
+/// The smaller of |x|, |y| over the larger, then an odd minimax polynomial of degree 9 for atan on
+/// [0, 1] (Abramowitz and Stegun 4.4.49, error 1e-5 rad), unfolded by octant.
 #[inline(always)]
 pub(crate) fn approximate_turn(x: f32, y: f32) -> f32 {
     let (ax, ay) = (x.abs(), y.abs());

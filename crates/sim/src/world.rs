@@ -1,13 +1,15 @@
-//! The world: a rapier scene of walls, obstacles and kinematic bodies, moved the way Stage moves its models.
+//! The world: a rapier scene of walls, obstacles and kinematic bodies, moved the way Stage moves
+//! its models.
 //!
-//! One body after the other takes its Euler step; if it would then touch a body, a wall or an obstacle, its whole pose
-//! is restored and it is stalled. None of rapier's ready body types does that: dynamic bodies penetrate, slide, turn and
-//! push each other, velocity-based kinematic ones pass through. So rapier keeps the scene (position-based kinematic
-//! bodies with colliders) and parry decides on overlaps, but no velocity solver runs.
+//! One body after the other takes its Euler step; if it would then touch a body, a wall or an
+//! obstacle, its whole pose is restored and it is stalled. None of rapier's ready body types does
+//! that: dynamic bodies penetrate, slide, turn and push each other, velocity-based kinematic ones
+//! pass through. So rapier keeps the scene (position-based kinematic bodies with colliders) and
+//! parry decides on overlaps, but no velocity solver runs.
 //!
-//! Architecture invariant: the poses are the whole physical state. Nothing here has a memory of the past (no contact
-//! cache, no sleeping islands), so a world that is given the same poses behaves the same to the last bit.
-//! The world knows no goal, no episode and no reward.
+//! Architecture invariant: the poses are the whole physical state. Nothing here has a memory of the
+//! past (no contact cache, no sleeping islands), so a world that is given the same poses behaves
+//! the same to the last bit. The world knows no goal, no episode and no reward.
 
 use crate::error::SimError;
 use crate::geometry::{Pose, Shape};
@@ -17,7 +19,8 @@ use crate::trig::wrap_angle;
 use glam::Vec2;
 use rapier2d::prelude::{ColliderBuilder, ColliderSet, RigidBodyBuilder, RigidBodySet, SharedShape};
 
-/// Most sub-steps of one move; a command that would need more (over 1 km for a half-metre body) is refused as a stall.
+/// Most sub-steps of one move; a command that would need more (over 1 km for a half-metre body) is
+/// refused as a stall.
 const SUB_STEPS_MAX: f32 = 4096.0;
 
 /// A room with everything in it.
@@ -56,11 +59,13 @@ impl World {
         Self::default()
     }
 
-    /// Surrounds the world by four walls with the given inner faces, solid as far as one can go beyond them.
+    /// Surrounds the world by four walls with the given inner faces, solid as far as one can go
+    /// beyond them.
     ///
     /// # Errors
     ///
-    /// When `min` is not below `max` or a coordinate is not finite, or when the world has walls already.
+    /// When `min` is not below `max` or a coordinate is not finite, or when the world has walls
+    /// already.
     pub fn set_walls(&mut self, min: Vec2, max: Vec2) -> Result<(), SimError> {
         if self.walls.is_some() {
             return Err(SimError::field("walls", "a second set", "one set of walls"));
@@ -91,7 +96,8 @@ impl World {
         Ok(self.obstacles.len() - 1)
     }
 
-    /// Adds a body and returns its index. Nothing is tested: a body may start inside another or beyond a wall.
+    /// Adds a body and returns its index. Nothing is tested: a body may start inside another or
+    /// beyond a wall.
     ///
     /// # Errors
     ///
@@ -160,11 +166,13 @@ impl World {
         self.publish(body);
     }
 
-    /// Moves every body for `dt`, in index order, and notes in `stalled` which of them had to stay where they were.
+    /// Moves every body for `dt`, in index order, and notes in `stalled` which of them had to stay
+    /// where they were.
     ///
-    /// Each move is tested along the way in sub-steps no longer than the body's half width (turning counts at the
-    /// body's outermost point), so that no speed and no `dt` lets a body pass through anything. A body that already
-    /// overlaps something before its move (it was put there) stalls until it is put elsewhere or turns free in one step.
+    /// Each move is tested along the way in sub-steps no longer than the body's half width (turning
+    /// counts at the body's outermost point), so that no speed and no `dt` lets a body pass through
+    /// anything. A body that already overlaps something before its move (it was put there) stalls
+    /// until it is put elsewhere or turns free in one step.
     ///
     /// # Panics
     ///
@@ -177,8 +185,8 @@ impl World {
         }
     }
 
-    /// As [`World::advance`], and tells of every body what stopped it; of several things the first in the order wall, body,
-    /// obstacle. `None` for those that moved.
+    /// As [`World::advance`], and tells of every body what stopped it; of several things the first
+    /// in the order wall, body, obstacle. `None` for those that moved.
     ///
     /// # Panics
     ///
@@ -255,8 +263,8 @@ impl World {
         other.or_else(|| self.obstacles.iter().position(|o| solid.overlaps(o)).map(Stop::Obstacle))
     }
 
-    /// Distance from a point to the nearest obstacle or wall, m: 0 inside an obstacle or beyond a wall, infinite
-    /// where there is neither.
+    /// Distance from a point to the nearest obstacle or wall, m: 0 inside an obstacle or beyond a
+    /// wall, infinite where there is neither.
     pub fn clearance(&self, point: Vec2) -> f32 {
         let to_walls =
             self.walls.map_or(f32::INFINITY, |w| (point - w.min).min(w.max - point).min_element().max(0.0));
@@ -269,8 +277,8 @@ impl World {
         self.bodies[one].distance(&self.bodies[other], f32::INFINITY)
     }
 
-    /// Distance from a body's outline to the nearest other body, obstacle or wall, m: 0 where it touches or overlaps one,
-    /// infinite where there is none.
+    /// Distance from a body's outline to the nearest other body, obstacle or wall, m: 0 where it
+    /// touches or overlaps one, infinite where there is none.
     pub fn body_clearance(&self, body: usize) -> f32 {
         let solid = &self.bodies[body];
         let others = self.bodies.iter().enumerate().filter(|(i, _)| *i != body).map(|(_, other)| other);
@@ -348,7 +356,8 @@ fn body_solid(shape: &Shape, pose: Pose, body: usize) -> Result<Solid, SimError>
     Ok(Solid::new(shape, pose))
 }
 
-/// The same segment or polygon around the mean of its vertices, so that its circumradius culls well.
+/// The same segment or polygon around the mean of its vertices, so that its circumradius culls
+/// well.
 fn centred(shape: &Shape, pose: Pose) -> (Shape, Pose) {
     let vertices = shape.vertices();
     let centre = vertices.iter().map(|v| v.as_dvec2()).sum::<glam::DVec2>() / vertices.len().max(1) as f64;

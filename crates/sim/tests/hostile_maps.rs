@@ -1,4 +1,5 @@
-//! Maps that were made to mislead: each was read wrongly, slowly or with a message without end before it was listed here.
+//! Maps that were made to mislead: each was read wrongly, slowly or with a message without end
+//! before it was listed here.
 
 use jostle_sim::{Rooms, RoomsState, SimConfig, Streams, maps};
 use std::io::Write as _;
@@ -55,7 +56,8 @@ fn messages_do_not_repeat_a_whole_file() {
 
 #[test]
 fn an_image_of_millions_of_boxes_is_refused_at_once() {
-    // Runs of one cell; in every row they stand elsewhere than in the row below, or (stripes) on the same places.
+    // Runs of one cell; in every row they stand elsewhere than in the row below, or (stripes) on
+    // the same places.
     let image = |shift: usize| {
         let cell = |i: usize| if (i % 4096 + i / 4096 * shift).is_multiple_of(2) { 0 } else { 254 };
         [b"P5 4096 4096 255\n".to_vec(), (0..4096 * 4096).map(cell).collect()].concat()

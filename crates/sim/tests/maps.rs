@@ -182,7 +182,8 @@ fn keys_that_are_not_read_are_told_in_one_line() {
     assert!(maps::notes(&path).expect("notes").is_empty());
 }
 
-/// For the middles of a row of cells of half a metre, from (-0.75, -1.75) on: true if the cell is free.
+/// For the middles of a row of cells of half a metre, from (-0.75, -1.75) on: true if the cell is
+/// free.
 fn free_row(scenario: &jostle_sim::Scenario, n: u8) -> Vec<bool> {
     let world = scenario.build().expect("world");
     (0..n).map(|i| world.clearance(Vec2::new(f32::from(i) * 0.5 - 0.75, -1.75)) > 0.2).collect()
@@ -204,7 +205,8 @@ fn modes_are_read_as_nav2_does() {
 
 #[test]
 fn images_of_sixteen_bits_and_of_colours_are_read_in_full() {
-    // Free is what is lighter than 1 − 0.196: 0xCDD2 / 65535 = 0.803998 is not, 0xCDD3 / 65535 = 0.804013 is.
+    // Free is what is lighter than 1 − 0.196: 0xCDD2 / 65535 = 0.803998 is not, 0xCDD3 / 65535 =
+    // 0.804013 is.
     let deep = b"P5 2 1 65535\n\xCD\xD2\xCD\xD3";
     assert_eq!(free_row(&grid(YAML.as_bytes(), deep), 2), [false, true]);
     assert_eq!(free_row(&grid(YAML.as_bytes(), b"P2 2 1 65535\n52690 52691\n"), 2), [false, true]);

@@ -1,5 +1,5 @@
-//! Starts and goals: the draws of the usual room are pinned; elsewhere a draw always succeeds, keeps what it
-//! promises, or the room is refused before anything runs.
+//! Starts and goals: the draws of the usual room are pinned; elsewhere a draw always succeeds,
+//! keeps what it promises, or the room is refused before anything runs.
 
 use glam::Vec2;
 use jostle_sim::{Outcome, Pose, Rooms, Shape, SimConfig, Spawner, StepEnd, Streams, World, maps};
@@ -38,7 +38,8 @@ fn with_obstacles(obstacles: &str) -> (TempDir, SimConfig) {
     with_map("m.toml", &[("m.toml", map.as_bytes())])
 }
 
-/// An image as a mapper writes it: unknown everywhere, a free square room with a solid rim in the middle of the image.
+/// An image as a mapper writes it: unknown everywhere, a free square room with a solid rim in the
+/// middle of the image.
 fn mapped_room(pixels: usize, room: f32) -> (TempDir, SimConfig) {
     let (resolution, half) = (0.1, room / 0.1 / 2.0);
     let centre = pixels as f32 / 2.0;
@@ -141,7 +142,8 @@ fn a_large_image_with_a_small_free_part_is_accepted() {
     let (_folder, config) = mapped_room(2000, 20.0);
     let mut rooms = Rooms::new(&config, 1, 5, 1, &Streams::new(0)).expect("rooms");
     rooms.step(&[[0.0, 0.0]; 5]);
-    // Uniform over the free part, as in the room that has no image around it: each quarter has its share.
+    // Uniform over the free part, as in the room that has no image around it: each quarter has its
+    // share.
     let starts: Vec<Vec2> = draws(&config, 2000).into_iter().map(|(start, _)| start).collect();
     assert!(starts.iter().all(|p| p.abs().max_element() <= 9.0 + 1e-3));
     for quarter in 0..4 {
@@ -151,7 +153,8 @@ fn a_large_image_with_a_small_free_part_is_accepted() {
     }
 }
 
-/// Sides of starts and goals of a wall across the room at y = 1, as (both below, both above, apart).
+/// Sides of starts and goals of a wall across the room at y = 1, as (both below, both above,
+/// apart).
 fn sides(config: &SimConfig) -> [usize; 3] {
     let mut counts = [0; 3];
     for (start, goal) in draws(config, 1000) {
@@ -165,7 +168,8 @@ fn goals_are_where_the_robot_can_get_to() {
     let (_folder, divided) = with_obstacles("[[obstacle]]\nsegment = [[-10.0, 1.0], [10.0, 1.0]]\n");
     let [below, above, apart] = sides(&divided);
     assert!(below > 300 && above > 200 && apart == 0, "{below} below, {above} above, {apart} apart");
-    // A robot whose ranges must not fall below 0.5 m gets through a door of 1.2 m and not through one of 0.9 m.
+    // A robot whose ranges must not fall below 0.5 m gets through a door of 1.2 m and not through
+    // one of 0.9 m.
     let door = |width: f32| {
         let half = width / 2.0;
         with_obstacles(&format!(
@@ -208,7 +212,8 @@ fn starts_are_only_where_a_goal_can_be_reached() {
     assert!(refusal(&config, 1).starts_with("spawn.wall_clearance: found 1, expected a distance from walls"));
 }
 
-/// Every pair of a size and a number is either refused at once or keeps all its distances for as long as it runs.
+/// Every pair of a size and a number is either refused at once or keeps all its distances for as
+/// long as it runs.
 #[test]
 fn rooms_of_any_size_are_refused_or_keep_their_distances() {
     let (mut n_accepted, mut n_refused) = (0, 0);
@@ -246,7 +251,8 @@ fn a_respawn_gets_the_freest_place_where_its_clearance_is_not_to_be_had() {
     let config = square(20.0);
     let mut world = world_of(&config);
     let spawner = Spawner::new(&config, &world).expect("spawner");
-    // A lattice of bodies every 3 m leaves places that are 2.1 m from all, but none that is 3 m from all.
+    // A lattice of bodies every 3 m leaves places that are 2.1 m from all, but none that is 3 m
+    // from all.
     for i in 0..49_u8 {
         let place = Vec2::new(f32::from(i % 7) - 3.0, f32::from(i / 7) - 3.0) * 3.0;
         world.add_body(&Shape::square(0.5), Pose::new(place, 0.0)).expect("body");

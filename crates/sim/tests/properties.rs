@@ -93,7 +93,8 @@ fn reference(shapes: &[(Shape, Pose)], walls: bool, sensor: Pose, angle: f64) ->
     best
 }
 
-/// True if a beam grazes: the reference moves by more than `tolerance` when its angle moves by `delta`.
+/// True if a beam grazes: the reference moves by more than `tolerance` when its angle moves by
+/// `delta`.
 fn grazes(shapes: &[(Shape, Pose)], walls: bool, sensor: Pose, k: usize, delta: f64, tolerance: f64) -> bool {
     let at =
         |shift| reference(shapes, walls, sensor, std::f64::consts::TAU * k as f64 / BEAMS as f64 + shift);
@@ -104,8 +105,8 @@ fn grazes(shapes: &[(Shape, Pose)], walls: bool, sensor: Pose, k: usize, delta: 
 /// Most grazing beams among those compared, as the kernels' contract has it.
 const SILHOUETTES: f64 = 1e-5;
 
-/// Both kernels against the reference and against each other over many fixed random scenes, without proptest's shrinking
-/// because the bound is on the whole sample.
+/// Both kernels against the reference and against each other over many fixed random scenes, without
+/// proptest's shrinking because the bound is on the whole sample.
 #[test]
 fn both_kernels_agree_with_each_other_and_with_f64() {
     let mut runner = proptest::test_runner::TestRunner::deterministic();

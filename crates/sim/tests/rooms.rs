@@ -1,4 +1,5 @@
-//! Contracts of the vectorised decision process: same bits at any thread count, exact snapshots, the rules of an episode.
+//! Contracts of the vectorised decision process: same bits at any thread count, exact snapshots,
+//! the rules of an episode.
 
 use jostle_sim::{Outcome, Rooms, RoomsState, SimConfig, StepEnd, Streams, TrainingCrowd};
 use rand::RngExt;

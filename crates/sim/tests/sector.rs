@@ -1,4 +1,5 @@
-//! A laser that sees a sector: its beams are those of a full circle, and its crashes are judged all round.
+//! A laser that sees a sector: its beams are those of a full circle, and its crashes are judged all
+//! round.
 
 use glam::Vec2;
 use jostle_sim::{
@@ -84,7 +85,8 @@ fn sector_of_circle(first: i32, beams: usize, kernel: LaserKernel) -> LaserConfi
     LaserConfig { beams, fov: step * (beams - 1) as f32, angle_min: step * first as f32, ..circle(kernel) }
 }
 
-/// Beams of a scan that may differ: an angle that is rounded to another bit meets a silhouette or misses it.
+/// Beams of a scan that may differ: an angle that is rounded to another bit meets a silhouette or
+/// misses it.
 const GRAZING: usize = 3;
 
 proptest! {

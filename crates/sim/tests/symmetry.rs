@@ -1,8 +1,10 @@
-//! A room and its image under a symmetry, driven by the same commands: what robots see, earn and how they end is the same.
+//! A room and its image under a symmetry, driven by the same commands: what robots see, earn and
+//! how they end is the same.
 //!
-//! The room is square and centred, so a quarter turn and a mirror map it onto itself. Unlike `properties.rs`, which asks
-//! each part by itself, this goes through whole rooms: stacked scans, goal, velocity, reward and outcome of every robot over
-//! many steps. A one-sided clamp or a sign in one of them would show.
+//! The room is square and centred, so a quarter turn and a mirror map it onto itself. Unlike
+//! `properties.rs`, which asks each part by itself, this goes through whole rooms: stacked scans,
+//! goal, velocity, reward and outcome of every robot over many steps. A one-sided clamp or a sign
+//! in one of them would show.
 
 use jostle_sim::{Rooms, RoomsState, SimConfig, Streams};
 use rand::RngExt;
@@ -12,7 +14,8 @@ const BEAMS: usize = 512;
 const FRAMES: usize = 3;
 const N_AGENTS: usize = 5;
 const STEPS: u64 = 60;
-/// Beams of a row of 1,536 that may differ: an edge that is grazed is hit on one side and missed on the other.
+/// Beams of a row of 1,536 that may differ: an edge that is grazed is hit on one side and missed on
+/// the other.
 const GRAZED: usize = 12;
 
 /// A symmetry of the square room.
@@ -47,7 +50,8 @@ impl Symmetry {
         }
     }
 
-    /// The observation that the image's robot should have. A turned robot sees the same; a mirrored one sees left and right exchanged.
+    /// The observation that the image's robot should have. A turned robot sees the same; a mirrored
+    /// one sees left and right exchanged.
     fn observation(self, row: &[f32]) -> Vec<f32> {
         let mut image = row.to_vec();
         if self == Self::Mirror {

@@ -1,11 +1,12 @@
-//! The half-plane that another agent induces: each of the two takes half of the change that avoids the collision.
+//! The half-plane that another agent induces: each of the two takes half of the change that avoids
+//! the collision.
 //!
 //! SPDX-FileCopyrightText: 2008 University of North Carolina at Chapel Hill
 //! SPDX-License-Identifier: Apache-2.0
 //!
-//! Licensed under the Apache License, Version 2.0 (`LICENSE-APACHE` of this crate). Ported to Rust from the RVO2 Library
-//! (snape/RVO2, <https://gamma.cs.unc.edu/RVO2/>) by Jur van den Berg, Stephen J. Guy, Jamie Snape, Ming C. Lin and
-//! Dinesh Manocha; changed: see `NOTICE`.
+//! Licensed under the Apache License, Version 2.0 (`LICENSE-APACHE` of this crate). Ported to Rust
+//! from the RVO2 Library (snape/RVO2, <https://gamma.cs.unc.edu/RVO2/>) by Jur van den Berg,
+//! Stephen J. Guy, Jamie Snape, Ming C. Lin and Dinesh Manocha; changed: see `NOTICE`.
 
 use glam::Vec2;
 
@@ -14,11 +15,12 @@ use super::{
     line::{Line, det, over},
 };
 
-/// Half-plane of velocities of `agent` that leave it free of a collision with `other` for the time horizon, if `agent` makes
-/// the share `responsibility` of the change and `other` the rest; for overlapping discs, that separate them within one
-/// time step.
+/// Half-plane of velocities of `agent` that leave it free of a collision with `other` for the time
+/// horizon, if `agent` makes the share `responsibility` of the change and `other` the rest; for
+/// overlapping discs, that separate them within one time step.
 ///
-/// Undetermined (NaN) when the discs overlap and the relative velocity is exactly the cut-off circle's centre.
+/// Undetermined (NaN) when the discs overlap and the relative velocity is exactly the cut-off
+/// circle's centre.
 #[inline]
 pub(super) fn agent_line(
     agent: &Agent,
@@ -54,7 +56,8 @@ pub(super) fn agent_line(
     Line { point: agent.velocity + responsibility * u, direction }
 }
 
-/// Direction of the line and smallest change of velocity that leaves the circle; `w` points from its centre.
+/// Direction of the line and smallest change of velocity that leaves the circle; `w` points from
+/// its centre.
 #[inline]
 fn project_on_circle(w: Vec2, w_length: f32, radius: f32) -> (Vec2, Vec2) {
     let unit_w = over(w, w_length);
@@ -96,8 +99,9 @@ mod tests {
 
     #[test]
     fn discs_that_touch_separate_within_a_time_step() {
-        // Collisions within 0.5 s: a disc of radius 2 around (2, 0). The relative velocity (0.8, 0.9) lies 1.5 from its centre,
-        // so the way out is 0.5 along (−0.8, 0.6), of which each takes half.
+        // Collisions within 0.5 s: a disc of radius 2 around (2, 0). The relative velocity (0.8,
+        // 0.9) lies 1.5 from its centre, so the way out is 0.5 along (−0.8, 0.6), of which each
+        // takes half.
         let line =
             agent_line(&agent(Vec2::ZERO, Vec2::new(0.8, 0.9)), &body(Vec2::X, Vec2::ZERO), 0.5, 2.0, 0.5);
         assert!(line.direction.distance(Vec2::new(0.6, 0.8)) < 1e-6, "{line:?}");
@@ -106,7 +110,8 @@ mod tests {
 
     #[test]
     fn before_the_cut_off_the_way_out_is_to_its_circle() {
-        // 4 m apart: a circle of radius 0.5 around (2, 0); relative velocity (1.75, 0) leaves it by −0.25.
+        // 4 m apart: a circle of radius 0.5 around (2, 0); relative velocity (1.75, 0) leaves it by
+        // −0.25.
         let line =
             agent_line(&agent(Vec2::ZERO, 1.75 * Vec2::X), &body(4.0 * Vec2::X, Vec2::ZERO), 0.5, 10.0, 0.5);
         assert_eq!(line, Line { point: 1.625 * Vec2::X, direction: Vec2::Y });
@@ -118,8 +123,8 @@ mod tests {
 
     #[test]
     fn beyond_the_cut_off_the_way_out_is_to_the_nearer_leg() {
-        // 2 m apart with radius 1: legs at ±30° of the way to the other. A relative velocity of (4, ±1) is nearer to the leg of its
-        // own side; straight ahead the right one is taken.
+        // 2 m apart with radius 1: legs at ±30° of the way to the other. A relative velocity of (4,
+        // ±1) is nearer to the leg of its own side; straight ahead the right one is taken.
         for turn in [0.0, 1.0, -2.5] {
             for (across, side) in [(1.0, 1.0), (-1.0, -1.0), (0.0, -1.0)] {
                 let turned = Vec2::from_angle(turn);

@@ -3,12 +3,13 @@
 //! SPDX-FileCopyrightText: 2008 University of North Carolina at Chapel Hill
 //! SPDX-License-Identifier: Apache-2.0
 //!
-//! Licensed under the Apache License, Version 2.0 (`LICENSE-APACHE` of this crate). Ported to Rust from the RVO2 Library
-//! (snape/RVO2, <https://gamma.cs.unc.edu/RVO2/>) by Jur van den Berg, Stephen J. Guy, Jamie Snape, Ming C. Lin and
-//! Dinesh Manocha; changed: see `NOTICE`.
+//! Licensed under the Apache License, Version 2.0 (`LICENSE-APACHE` of this crate). Ported to Rust
+//! from the RVO2 Library (snape/RVO2, <https://gamma.cs.unc.edu/RVO2/>) by Jur van den Berg,
+//! Stephen J. Guy, Jamie Snape, Ming C. Lin and Dinesh Manocha; changed: see `NOTICE`.
 //!
-//! The same splits, the same visiting order and the same strict comparisons as RVO2, so that the neighbour lists agree
-//! even where distances tie; but over packed entries of 12 bytes in tree order instead of pointers to agents.
+//! The same splits, the same visiting order and the same strict comparisons as RVO2, so that the
+//! neighbour lists agree even where distances tie; but over packed entries of 12 bytes in tree
+//! order instead of pointers to agents.
 
 use glam::Vec2;
 
@@ -89,7 +90,8 @@ impl AgentTree {
         }));
     }
 
-    /// Builds the nodes depth first. With an explicit stack: agents at one point make a tree as deep as their number.
+    /// Builds the nodes depth first. With an explicit stack: agents at one point make a tree as
+    /// deep as their number.
     fn build_nodes(&mut self) {
         const NO_PARENT: usize = usize::MAX;
         let mut pending = vec![(0, self.entries.len(), NO_PARENT)];
@@ -109,8 +111,8 @@ impl AgentTree {
         }
     }
 
-    /// Collects the at most `max_neighbours` nearest others of the agent at `slot` with squared distance below `range_sq`,
-    /// sorted by distance; ties keep the tree's order.
+    /// Collects the at most `max_neighbours` nearest others of the agent at `slot` with squared
+    /// distance below `range_sq`, sorted by distance; ties keep the tree's order.
     pub(super) fn neighbours(
         &self,
         slot: usize,
@@ -185,7 +187,8 @@ fn bounds(entries: &[Entry]) -> (Vec2, Vec2) {
         .fold((first, first), |(min, max), entry| (min.min(entry.position), max.max(entry.position)))
 }
 
-/// Moves the entries below the middle of the longer side to the front; returns how many (at least one).
+/// Moves the entries below the middle of the longer side to the front; returns how many (at least
+/// one).
 fn partition(entries: &mut [Entry], min: Vec2, max: Vec2) -> usize {
     let is_x = max.x - min.x > max.y - min.y;
     let coordinate = |entry: &Entry| if is_x { entry.position.x } else { entry.position.y };
@@ -208,7 +211,8 @@ fn partition(entries: &mut [Entry], min: Vec2, max: Vec2) -> usize {
     left.max(1)
 }
 
-/// Inserts behind all that are as near, drops the farthest when there are too many, and then narrows the range.
+/// Inserts behind all that are as near, drops the farthest when there are too many, and then
+/// narrows the range.
 #[inline]
 fn insert(found: &mut Vec<AgentNeighbour>, max_neighbours: usize, new: AgentNeighbour, range_sq: &mut f32) {
     if found.len() < max_neighbours {

@@ -1,11 +1,12 @@
-//! A half-plane of allowed velocities, and the plane vector arithmetic of RVO2 where its rounding differs from glam's.
+//! A half-plane of allowed velocities, and the plane vector arithmetic of RVO2 where its rounding
+//! differs from glam's.
 //!
 //! SPDX-FileCopyrightText: 2008 University of North Carolina at Chapel Hill
 //! SPDX-License-Identifier: Apache-2.0
 //!
-//! Licensed under the Apache License, Version 2.0 (`LICENSE-APACHE` of this crate). Ported to Rust from the RVO2 Library
-//! (snape/RVO2, <https://gamma.cs.unc.edu/RVO2/>) by Jur van den Berg, Stephen J. Guy, Jamie Snape, Ming C. Lin and
-//! Dinesh Manocha; changed: see `NOTICE`.
+//! Licensed under the Apache License, Version 2.0 (`LICENSE-APACHE` of this crate). Ported to Rust
+//! from the RVO2 Library (snape/RVO2, <https://gamma.cs.unc.edu/RVO2/>) by Jur van den Berg,
+//! Stephen J. Guy, Jamie Snape, Ming C. Lin and Dinesh Manocha; changed: see `NOTICE`.
 
 use glam::Vec2;
 
@@ -14,17 +15,20 @@ use glam::Vec2;
 pub struct Line {
     /// A point on the line, m/s.
     pub point: Vec2,
-    /// Unit vector; NaN when the line is undetermined (coincident agents), and then it forbids nothing.
+    /// Unit vector; NaN when the line is undetermined (coincident agents), and then it forbids
+    /// nothing.
     pub direction: Vec2,
 }
 
 impl Line {
-    /// True if the line constrains anything: not when two agents coincided and its direction is 0/0.
+    /// True if the line constrains anything: not when two agents coincided and its direction is
+    /// 0/0.
     pub fn is_determined(&self) -> bool {
         self.point.is_finite() && self.direction.is_finite()
     }
 
-    /// Distance of `velocity` from the line, m/s: positive on the forbidden side, negative on the allowed one.
+    /// Distance of `velocity` from the line, m/s: positive on the forbidden side, negative on the
+    /// allowed one.
     #[inline]
     pub(super) fn violation(&self, velocity: Vec2) -> f32 {
         det(self.direction, self.point - velocity)

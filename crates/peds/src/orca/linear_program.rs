@@ -1,11 +1,12 @@
-//! The velocity nearest to the preferred one that the half-planes and the speed limit allow: RVO2's three linear programs.
+//! The velocity nearest to the preferred one that the half-planes and the speed limit allow: RVO2's
+//! three linear programs.
 //!
 //! SPDX-FileCopyrightText: 2008 University of North Carolina at Chapel Hill
 //! SPDX-License-Identifier: Apache-2.0
 //!
-//! Licensed under the Apache License, Version 2.0 (`LICENSE-APACHE` of this crate). Ported to Rust from the RVO2 Library
-//! (snape/RVO2, <https://gamma.cs.unc.edu/RVO2/>) by Jur van den Berg, Stephen J. Guy, Jamie Snape, Ming C. Lin and
-//! Dinesh Manocha; changed: see `NOTICE`.
+//! Licensed under the Apache License, Version 2.0 (`LICENSE-APACHE` of this crate). Ported to Rust
+//! from the RVO2 Library (snape/RVO2, <https://gamma.cs.unc.edu/RVO2/>) by Jur van den Berg,
+//! Stephen J. Guy, Jamie Snape, Ming C. Lin and Dinesh Manocha; changed: see `NOTICE`.
 
 use glam::Vec2;
 
@@ -23,8 +24,9 @@ enum Aim {
     Farthest(Vec2),
 }
 
-/// The velocity that the lines leave, at most `max_speed` fast and as near to `preferred` as possible. The first
-/// `n_obstacle_lines` are hard; when no velocity meets all, the agent lines are violated as little as possible.
+/// The velocity that the lines leave, at most `max_speed` fast and as near to `preferred` as
+/// possible. The first `n_obstacle_lines` are hard; when no velocity meets all, the agent lines are
+/// violated as little as possible.
 ///
 /// All lines must be determined. `projected` is scratch memory.
 pub(super) fn solve(
@@ -42,7 +44,8 @@ pub(super) fn solve(
     }
 }
 
-/// Optimum on the last line of `lines` subject to the ones before it and to the circle; none if infeasible.
+/// Optimum on the last line of `lines` subject to the ones before it and to the circle; none if
+/// infeasible.
 #[inline]
 fn linear_program_1(line: Line, before: &[Line], radius: f32, aim: Aim) -> Option<Vec2> {
     let dot = line.point.dot(line.direction);
@@ -101,7 +104,8 @@ fn linear_program_1(line: Line, before: &[Line], radius: f32, aim: Aim) -> Optio
     Some(line.point + t * line.direction)
 }
 
-/// Optimum subject to all lines and the circle; else the first line that cannot be met, and the optimum before it.
+/// Optimum subject to all lines and the circle; else the first line that cannot be met, and the
+/// optimum before it.
 #[inline]
 fn linear_program_2(lines: &[Line], radius: f32, aim: Aim) -> Result<Vec2, (usize, Vec2)> {
     let mut result = match aim {
@@ -137,7 +141,8 @@ fn linear_program_3(
         projected.extend(lines[n_obstacle_lines.min(i)..i].iter().filter_map(|other| bisector(line, other)));
 
         let upwards = Vec2::new(-line.direction.y, line.direction.x);
-        // A failure here can only be a rounding error, since the present result is feasible by construction: it is kept.
+        // A failure here can only be a rounding error, since the present result is feasible by
+        // construction: it is kept.
         if let Ok(better) = linear_program_2(projected, radius, Aim::Farthest(upwards)) {
             result = better;
         }

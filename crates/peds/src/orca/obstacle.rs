@@ -3,9 +3,9 @@
 //! SPDX-FileCopyrightText: 2008 University of North Carolina at Chapel Hill
 //! SPDX-License-Identifier: Apache-2.0
 //!
-//! Licensed under the Apache License, Version 2.0 (`LICENSE-APACHE` of this crate). Ported to Rust from the RVO2 Library
-//! (snape/RVO2, <https://gamma.cs.unc.edu/RVO2/>) by Jur van den Berg, Stephen J. Guy, Jamie Snape, Ming C. Lin and
-//! Dinesh Manocha; changed: see `NOTICE`.
+//! Licensed under the Apache License, Version 2.0 (`LICENSE-APACHE` of this crate). Ported to Rust
+//! from the RVO2 Library (snape/RVO2, <https://gamma.cs.unc.edu/RVO2/>) by Jur van den Berg,
+//! Stephen J. Guy, Jamie Snape, Ming C. Lin and Dinesh Manocha; changed: see `NOTICE`.
 
 use glam::Vec2;
 
@@ -19,7 +19,8 @@ use crate::{PedsError, error::checked};
 /// Least length of an edge, m.
 const EDGE_MIN: f32 = 1e-3;
 
-/// The obstacles of a room, with the tree that finds the visible edges. Immutable: many simulators share one by `Arc`.
+/// The obstacles of a room, with the tree that finds the visible edges. Immutable: many simulators
+/// share one by `Arc`.
 #[derive(Debug, Clone, Default)]
 pub struct Obstacles {
     pub(super) vertices: Vec<Vertex>,
@@ -30,10 +31,12 @@ impl Obstacles {
     /// Most edges accepted; building the tree takes up to cubic time in their number.
     pub const MAX_EDGES: usize = 4096;
 
-    /// Polygons in RVO2's convention: counter-clockwise = solid, clockwise = a room that encloses, two vertices = a segment.
+    /// Polygons in RVO2's convention: counter-clockwise = solid, clockwise = a room that encloses,
+    /// two vertices = a segment.
     ///
     /// # Errors
-    /// Fewer than two vertices, an edge shorter than 1 mm, non-finite coordinates, more than [`Self::MAX_EDGES`] edges.
+    /// Fewer than two vertices, an edge shorter than 1 mm, non-finite coordinates, more than
+    /// [`Self::MAX_EDGES`] edges.
     pub fn new<P: AsRef<[Vec2]>>(polygons: &[P]) -> Result<Self, PedsError> {
         let mut vertices = Vec::new();
         for (obstacle, polygon) in polygons.iter().enumerate() {

@@ -3,12 +3,13 @@
 //! SPDX-FileCopyrightText: 2008 University of North Carolina at Chapel Hill
 //! SPDX-License-Identifier: Apache-2.0
 //!
-//! Licensed under the Apache License, Version 2.0 (`LICENSE-APACHE` of this crate). Ported to Rust from the RVO2 Library
-//! (snape/RVO2, <https://gamma.cs.unc.edu/RVO2/>) by Jur van den Berg, Stephen J. Guy, Jamie Snape, Ming C. Lin and
-//! Dinesh Manocha; changed: see `NOTICE`.
+//! Licensed under the Apache License, Version 2.0 (`LICENSE-APACHE` of this crate). Ported to Rust
+//! from the RVO2 Library (snape/RVO2, <https://gamma.cs.unc.edu/RVO2/>) by Jur van den Berg,
+//! Stephen J. Guy, Jamie Snape, Ming C. Lin and Dinesh Manocha; changed: see `NOTICE`.
 //!
-//! Names: the velocity obstacle of an edge is a truncated cone with a left and a right leg and a cut-off, which is a segment
-//! with a circle at either end. "Left" and "right" are the edge's first and second vertex as the agent sees them.
+//! Names: the velocity obstacle of an edge is a truncated cone with a left and a right leg and a
+//! cut-off, which is a segment with a circle at either end. "Left" and "right" are the edge's first
+//! and second vertex as the agent sees them.
 
 use glam::Vec2;
 
@@ -169,8 +170,8 @@ fn project(agent: &Agent, vertices: &[Vertex], index: u32, cone: &Cone, inv_hori
     let velocity = agent.velocity;
     let margin = agent.parameters.radius * inv_horizon;
 
-    // A leg can never point into the neighbouring edge of a convex vertex: that edge's cut-off line takes its place, and
-    // a velocity that projects on such a foreign leg adds no constraint.
+    // A leg can never point into the neighbouring edge of a convex vertex: that edge's cut-off line
+    // takes its place, and a velocity that projects on such a foreign leg adds no constraint.
     let before_left = vertices[left.previous as usize].direction;
     let left_is_foreign = left.is_convex && det(left_leg, -before_left) >= 0.0;
     if left_is_foreign {

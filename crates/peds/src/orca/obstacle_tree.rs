@@ -1,11 +1,12 @@
-//! A binary space partition of the obstacle edges: finds those within range that face the agent, nearer side first.
+//! A binary space partition of the obstacle edges: finds those within range that face the agent,
+//! nearer side first.
 //!
 //! SPDX-FileCopyrightText: 2008 University of North Carolina at Chapel Hill
 //! SPDX-License-Identifier: Apache-2.0
 //!
-//! Licensed under the Apache License, Version 2.0 (`LICENSE-APACHE` of this crate). Ported to Rust from the RVO2 Library
-//! (snape/RVO2, <https://gamma.cs.unc.edu/RVO2/>) by Jur van den Berg, Stephen J. Guy, Jamie Snape, Ming C. Lin and
-//! Dinesh Manocha; changed: see `NOTICE`.
+//! Licensed under the Apache License, Version 2.0 (`LICENSE-APACHE` of this crate). Ported to Rust
+//! from the RVO2 Library (snape/RVO2, <https://gamma.cs.unc.edu/RVO2/>) by Jur van den Berg,
+//! Stephen J. Guy, Jamie Snape, Ming C. Lin and Dinesh Manocha; changed: see `NOTICE`.
 
 use glam::Vec2;
 
@@ -45,8 +46,8 @@ enum Side {
 }
 
 impl ObstacleTree {
-    /// Partitions the edges by the lines through the most balancing ones; edges that cross a line are cut there,
-    /// which appends vertices.
+    /// Partitions the edges by the lines through the most balancing ones; edges that cross a line
+    /// are cut there, which appends vertices.
     pub(super) fn build(vertices: &mut Vec<Vertex>) -> Self {
         let mut tree = Self::default();
         let edges: Vec<u32> = (0..vertices.len() as u32).collect();
@@ -87,7 +88,8 @@ impl ObstacleTree {
         node as u32
     }
 
-    /// Collects, sorted by distance, the edges nearer than `range_sq` on whose right (outer) side `position` lies.
+    /// Collects, sorted by distance, the edges nearer than `range_sq` on whose right (outer) side
+    /// `position` lies.
     pub(super) fn neighbours(
         &self,
         vertices: &[Vertex],
@@ -145,7 +147,8 @@ fn side(vertices: &[Vertex], a: Vec2, b: Vec2, edge: u32) -> Side {
     }
 }
 
-/// Position in `edges` of the edge whose line leaves the smallest larger side (then the smallest smaller side).
+/// Position in `edges` of the edge whose line leaves the smallest larger side (then the smallest
+/// smaller side).
 fn best_split(vertices: &[Vertex], edges: &[u32]) -> usize {
     let ordered = |left: usize, right: usize| (left.max(right), left.min(right));
     let mut best = 0;
@@ -220,7 +223,8 @@ mod tests {
         ends(&obstacles.vertices, edge as u32)
     }
 
-    /// Blocks apart from each other, a room around them and a free-standing segment: some lines cut others' edges.
+    /// Blocks apart from each other, a room around them and a free-standing segment: some lines cut
+    /// others' edges.
     fn scene() -> Obstacles {
         let block = |x: f32, y: f32, turn: f32| -> Vec<Vec2> {
             let corner = |i: u8| Vec2::from_angle(turn + f32::from(i) * std::f32::consts::FRAC_PI_2);
@@ -307,7 +311,8 @@ mod tests {
 
     #[test]
     fn the_most_balancing_edge_splits() {
-        // Parallel segments one above the other, all pointing the same way: the middle one leaves two on either side.
+        // Parallel segments one above the other, all pointing the same way: the middle one leaves
+        // two on either side.
         let segment = |y: u8| [Vec2::new(0.0, f32::from(y)), Vec2::new(1.0, f32::from(y))];
         let middle_of = |order: &[u8]| {
             let mut vertices = Vec::new();

@@ -3,9 +3,9 @@
 //! SPDX-FileCopyrightText: 2008 University of North Carolina at Chapel Hill
 //! SPDX-License-Identifier: Apache-2.0
 //!
-//! Licensed under the Apache License, Version 2.0 (`LICENSE-APACHE` of this crate). Ported to Rust from the RVO2 Library
-//! (snape/RVO2, <https://gamma.cs.unc.edu/RVO2/>) by Jur van den Berg, Stephen J. Guy, Jamie Snape, Ming C. Lin and
-//! Dinesh Manocha; changed: see `NOTICE`.
+//! Licensed under the Apache License, Version 2.0 (`LICENSE-APACHE` of this crate). Ported to Rust
+//! from the RVO2 Library (snape/RVO2, <https://gamma.cs.unc.edu/RVO2/>) by Jur van den Berg,
+//! Stephen J. Guy, Jamie Snape, Ming C. Lin and Dinesh Manocha; changed: see `NOTICE`.
 
 use std::sync::Arc;
 
@@ -87,8 +87,9 @@ impl OrcaSimulator {
         })
     }
 
-    /// The share of avoiding that every agent takes on itself: ½ (as in RVO2, the default) where the others do the rest, 1 where
-    /// they do nothing. An obstacle avoids nobody, so an agent always does all of that.
+    /// The share of avoiding that every agent takes on itself: ½ (as in RVO2, the default) where
+    /// the others do the rest, 1 where they do nothing. An obstacle avoids nobody, so an agent
+    /// always does all of that.
     ///
     /// # Errors
     /// A share outside 0 … 1.
@@ -138,7 +139,8 @@ impl OrcaSimulator {
         Ok(())
     }
 
-    /// Sets the velocity that an agent would take without neighbours. Not limited here; the planned velocity is.
+    /// Sets the velocity that an agent would take without neighbours. Not limited here; the planned
+    /// velocity is.
     ///
     /// # Errors
     /// No such agent, non-finite velocity.
@@ -177,7 +179,8 @@ impl OrcaSimulator {
         self.agents[agent].planned_velocity
     }
 
-    /// Switches whether plans keep their half-planes for [`Self::lines`]. Off at first: it costs time and memory.
+    /// Switches whether plans keep their half-planes for [`Self::lines`]. Off at first: it costs
+    /// time and memory.
     pub fn record_lines(&mut self, on: bool) {
         self.recorded = on.then(Vec::new);
     }
@@ -229,7 +232,8 @@ impl OrcaSimulator {
         self.publish();
     }
 
-    /// As [`Self::plan`], over rayon's threads, with the same bits. (On one thread when half-planes are recorded.)
+    /// As [`Self::plan`], over rayon's threads, with the same bits. (On one thread when half-planes
+    /// are recorded.)
     pub fn par_plan(&mut self) {
         if self.recorded.is_some() {
             return self.plan();
@@ -257,7 +261,8 @@ impl OrcaSimulator {
         }
     }
 
-    /// Velocity of the agent at `slot` of the tree, and the number of obstacle lines; its lines are left in `scratch`.
+    /// Velocity of the agent at `slot` of the tree, and the number of obstacle lines; its lines are
+    /// left in `scratch`.
     fn plan_slot(&self, slot: usize, scratch: &mut Scratch) -> (Vec2, usize) {
         let Scratch { obstacle_neighbours, search, lines, projected } = scratch;
         let agent = &self.agents[self.tree.bodies[slot].agent as usize];
@@ -356,11 +361,13 @@ mod tests {
         assert!(simulator.lines(0).is_none());
     }
 
-    /// Someone comes straight on at p = (6, 0.1) m with the relative velocity v = (2, 0) m/s; the radii are R = 0.7 m together.
-    /// The near leg of the cone of relative velocities that end in a crash has the direction
-    /// d = (p.x·l + p.y·R, p.y·l − p.x·R) / |p|² with l² = |p|² − R², which is (0.994979, −0.100084), and v lies u = (v·d)·d − v =
-    /// (−0.020033, −0.199162) inside of it. So who takes the share s changes its velocity from (1, 0) by s·u. If nobody
-    /// changed it again, the two would pass at |p × (v + s·u)| / |v + s·u|: 0.3997 m with half of it, and R with all.
+    /// Someone comes straight on at p = (6, 0.1) m with the relative velocity v = (2, 0) m/s; the
+    /// radii are R = 0.7 m together. The near leg of the cone of relative velocities that end in a
+    /// crash has the direction d = (p.x·l + p.y·R, p.y·l − p.x·R) / |p|² with l² = |p|² − R², which
+    /// is (0.994979, −0.100084), and v lies u = (v·d)·d − v = (−0.020033, −0.199162) inside of it.
+    /// So who takes the share s changes its velocity from (1, 0) by s·u. If nobody changed it
+    /// again, the two would pass at |p × (v + s·u)| / |v + s·u|: 0.3997 m with half of it, and R
+    /// with all.
     #[test]
     fn who_expects_nothing_of_the_other_avoids_all_by_itself() {
         let comes_on = |simulator: &mut OrcaSimulator, x: f32| {

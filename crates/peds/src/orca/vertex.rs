@@ -3,9 +3,9 @@
 //! SPDX-FileCopyrightText: 2008 University of North Carolina at Chapel Hill
 //! SPDX-License-Identifier: Apache-2.0
 //!
-//! Licensed under the Apache License, Version 2.0 (`LICENSE-APACHE` of this crate). Ported to Rust from the RVO2 Library
-//! (snape/RVO2, <https://gamma.cs.unc.edu/RVO2/>) by Jur van den Berg, Stephen J. Guy, Jamie Snape, Ming C. Lin and
-//! Dinesh Manocha; changed: see `NOTICE`.
+//! Licensed under the Apache License, Version 2.0 (`LICENSE-APACHE` of this crate). Ported to Rust
+//! from the RVO2 Library (snape/RVO2, <https://gamma.cs.unc.edu/RVO2/>) by Jur van den Berg,
+//! Stephen J. Guy, Jamie Snape, Ming C. Lin and Dinesh Manocha; changed: see `NOTICE`.
 
 use glam::Vec2;
 

@@ -1,20 +1,21 @@
 //! Borders, which repel like walls: connected line segments with one nearest point.
 //!
-//! The rule: **a wall repels once, from its nearest point**, and what a wall is depends only on the area, not on the pieces
-//! that it was drawn in.
+//! The rule: **a wall repels once, from its nearest point**, and what a wall is depends only on the
+//! area, not on the pieces that it was drawn in.
 //! - A solid with free space all round it is one wall, whatever its form.
-//! - A line that surrounds free space is cut into walls at its corners: where, half a metre before and behind, the line has turned
-//!   into the free space by at least 40°. A rectangular room so has four walls and a round one has one; a bump, a niche or a
-//!   step of less than that is part of its wall, and a column in front of a wall is a wall of its own.
-//! - Of a line that surrounds free space only the part repels which faces the pedestrian: the far side of a thin wall, seen from the
-//!   next room, is no second wall.
+//! - A line that surrounds free space is cut into walls at its corners: where, half a metre before
+//!   and behind, the line has turned into the free space by at least 40°. A rectangular room so has
+//!   four walls and a round one has one; a bump, a niche or a step of less than that is part of its
+//!   wall, and a column in front of a wall is a wall of its own.
+//! - Of a line that surrounds free space only the part repels which faces the pedestrian: the far
+//!   side of a thin wall, seen from the next room, is no second wall.
 
 use glam::{DVec2, Vec2};
 
 use crate::{PedsError, error::checked};
 
-/// Distance before and behind a corner at which its turn is measured, m: a body's side. Of corners nearer to each other than this along
-/// the line, the sharpest counts.
+/// Distance before and behind a corner at which its turn is measured, m: a body's side. Of corners
+/// nearer to each other than this along the line, the sharpest counts.
 const ARM: f64 = 0.5;
 /// Least turn of a corner between two walls, rad.
 const TURN: f64 = 40.0 * std::f64::consts::PI / 180.0;
@@ -42,9 +43,9 @@ impl Border {
         Ok(Self { segments: segments.to_vec(), one_sided: false })
     }
 
-    /// Borders of polygons in the convention of [`crate::orca::Obstacles::new`], free space on the right of every edge: a
-    /// counter-clockwise (solid) polygon or a segment is one border; a clockwise one, which surrounds free space, has one for
-    /// each of its walls (see the module).
+    /// Borders of polygons in the convention of [`crate::orca::Obstacles::new`], free space on the
+    /// right of every edge: a counter-clockwise (solid) polygon or a segment is one border; a
+    /// clockwise one, which surrounds free space, has one for each of its walls (see the module).
     ///
     /// # Errors
     /// Fewer than two vertices, or a coordinate that is not finite.
@@ -68,7 +69,8 @@ impl Border {
         Ok(borders)
     }
 
-    /// The border's nearest point; of equally near ones the first. `None` for a pedestrian behind a wall of a room.
+    /// The border's nearest point; of equally near ones the first. `None` for a pedestrian behind a
+    /// wall of a room.
     pub fn nearest(&self, position: DVec2) -> Option<DVec2> {
         let faces = |[a, b]: &&[DVec2; 2]| !self.one_sided || (*b - *a).perp_dot(position - *a) <= 0.0;
         let candidates = self.segments.iter().filter(faces).map(|s| nearest_on_segment(*s, position));

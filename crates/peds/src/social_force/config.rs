@@ -89,7 +89,8 @@ impl DesiredSpeed {
         }
     }
 
-    /// A pedestrian's factor on [`Self::base`]; draws that are not positive are drawn again. 1 without a draw if fixed.
+    /// A pedestrian's factor on [`Self::base`]; draws that are not positive are drawn again. 1
+    /// without a draw if fixed.
     pub fn draw_factor(self, rng: &mut impl Rng) -> f32 {
         let Self::Normal { mean, std } = self else { return 1.0 };
         let normal = Normal::new(1.0, std / mean).expect("a validated standard deviation");
@@ -111,7 +112,8 @@ impl DesiredSpeed {
     }
 }
 
-/// Parameters of the model. Defaults are the article's, but for the desired speed, which is the robot's.
+/// Parameters of the model. Defaults are the article's, but for the desired speed, which is the
+/// robot's.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SocialForceConfig {

@@ -11,10 +11,11 @@ use crate::{
     error::{checked, require},
 };
 
-/// Crowd SF. A speed factor multiplies its pedestrian's desired speed (see [`super::DesiredSpeed::draw_factor`]).
+/// Crowd SF. A speed factor multiplies its pedestrian's desired speed (see
+/// [`super::DesiredSpeed::draw_factor`]).
 ///
-/// Decided velocities are v' = limit(v + dt·F(x, v)); the world then moves x' = x + dt·v'. Velocities are those that were
-/// executed, so a pedestrian that was stalled starts from rest.
+/// Decided velocities are v' = limit(v + dt·F(x, v)); the world then moves x' = x + dt·v'.
+/// Velocities are those that were executed, so a pedestrian that was stalled starts from rest.
 #[derive(Debug, Clone)]
 pub struct SocialForceCrowd {
     model: SocialForce,

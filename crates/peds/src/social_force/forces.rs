@@ -1,4 +1,5 @@
-//! The four terms of the model, one function each (Helbing & Molnár 1995, Eqs. 2–8). All forces are accelerations, m/s².
+//! The four terms of the model, one function each (Helbing & Molnár 1995, Eqs. 2–8). All forces are
+//! accelerations, m/s².
 
 use glam::DVec2;
 

@@ -129,10 +129,11 @@ impl SocialForce {
         if speed > limit { w * (limit / speed) } else { w }
     }
 
-    /// Explicit Euler step of all walkers: positions move with the old velocities, and velocities with the old forces.
+    /// Explicit Euler step of all walkers: positions move with the old velocities, and velocities
+    /// with the old forces.
     ///
-    /// Crowd SF moves with the *new* velocities instead (velocity, limit, position), for there the world moves the bodies
-    /// by what the crowd decides.
+    /// Crowd SF moves with the *new* velocities instead (velocity, limit, position), for there the
+    /// world moves the bodies by what the crowd decides.
     pub fn step(&self, walkers: &mut [Walker], borders: &[Border], dt: f64) {
         let next: Vec<DVec2> =
             (0..walkers.len()).map(|a| self.next_velocity(a, walkers, borders, dt)).collect();

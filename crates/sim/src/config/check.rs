@@ -1,14 +1,17 @@
-//! Validation of a [`SimConfig`]: the first field out of range is named with what was found and expected.
+//! Validation of a [`SimConfig`]: the first field out of range is named with what was found and
+//! expected.
 
 use super::{LaserConfig, RewardConfig, SafetyZoneConfig, SimConfig, SpawnConfig};
 use crate::error::SimError;
 
-/// Most beams a laser may have; the culling's angles are good to a quarter of the spacing at this count.
+/// Most beams a laser may have; the culling's angles are good to a quarter of the spacing at this
+/// count.
 const BEAMS_MAX: usize = 8192;
 /// Angle of view of the full circle, rad.
 const FULL_CIRCLE: f32 = std::f32::consts::TAU;
-/// Least gap that a sector leaves, rad: a full circle written with too few digits is no sector. The gap of a scan of
-/// [`BEAMS_MAX`] beams whose last one is the first one's neighbour is seven times as wide.
+/// Least gap that a sector leaves, rad: a full circle written with too few digits is no sector. The
+/// gap of a scan of [`BEAMS_MAX`] beams whose last one is the first one's neighbour is seven times
+/// as wide.
 const GAP_MIN: f32 = 1e-4;
 
 /// `value` must lie in [low, high]; NaN never does.

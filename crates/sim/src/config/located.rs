@@ -1,10 +1,11 @@
-//! Files that a configuration names: a relative path starts from the file that names it, whatever the working directory of a
-//! command is.
+//! Files that a configuration names: a relative path starts from the file that names it, whatever
+//! the working directory of a command is.
 
 use super::RoomConfig;
 use std::path::{Component, Path, PathBuf};
 
-/// The folder that relative paths start from: that of the file that names them, or, by default, the working directory.
+/// The folder that relative paths start from: that of the file that names them, or, by default, the
+/// working directory.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct NamingFolder(Option<PathBuf>);
 
@@ -15,13 +16,14 @@ impl NamingFolder {
         Self(Some(real(folder)))
     }
 
-    /// The path as the system finds it from the working directory, for a `path` that a file in this folder names.
+    /// The path as the system finds it from the working directory, for a `path` that a file in this
+    /// folder names.
     pub fn locate(&self, path: &Path) -> PathBuf {
         self.0.as_ref().map_or_else(|| path.to_owned(), |folder| folder.join(path))
     }
 
-    /// The path that leads from `other` to where `path` leads from here; an absolute one stays. A link that is named stays
-    /// named, so that the name is the same from everywhere.
+    /// The path that leads from `other` to where `path` leads from here; an absolute one stays. A
+    /// link that is named stays named, so that the name is the same from everywhere.
     pub fn rename(&self, path: &Path, other: &Self) -> PathBuf {
         if path.is_absolute() {
             return path.to_owned();
@@ -44,8 +46,9 @@ impl RoomConfig {
         }
     }
 
-    /// As [`Self::named_in`], for what this program has written. Earlier versions wrote paths as they were given, relative
-    /// to the working directory: such a path is taken from there if nothing lies where the folder says.
+    /// As [`Self::named_in`], for what this program has written. Earlier versions wrote paths as
+    /// they were given, relative to the working directory: such a path is taken from there if
+    /// nothing lies where the folder says.
     pub fn stored_in(&mut self, folder: &Path) {
         let (as_given, mut here) = (self.clone(), self.clone());
         here.named_in(folder);
@@ -53,7 +56,8 @@ impl RoomConfig {
         *self = if lies(&as_given) && !lies(&here) { as_given } else { here };
     }
 
-    /// The room as a file in `folder` names it: a relative path leads from there to the same map. An absolute one stays.
+    /// The room as a file in `folder` names it: a relative path leads from there to the same map.
+    /// An absolute one stays.
     #[must_use]
     pub fn as_named_in(&self, folder: &Path) -> Self {
         let mut room = self.clone();
@@ -85,7 +89,8 @@ fn real(path: &Path) -> PathBuf {
     }
 }
 
-/// The relative path from a folder to a file, both absolute; the file itself where nothing is shared (two drives).
+/// The relative path from a folder to a file, both absolute; the file itself where nothing is
+/// shared (two drives).
 fn path_from(folder: &Path, file: &Path) -> PathBuf {
     let (from, to): (Vec<_>, Vec<_>) = (folder.components().collect(), file.components().collect());
     let shared = from.iter().zip(&to).take_while(|(a, b)| a == b).count();

@@ -1,12 +1,15 @@
 //! Closed forms for a beam against walls, faces and discs, eight beams at a time.
 //!
-//! Plain array code: the compiler turns each loop over eight lanes into vector instructions of whatever width it may use.
-//! Only IEEE additions, multiplications, divisions and roots occur, none fused, so every width gives the same bits.
+//! Plain array code: the compiler turns each loop over eight lanes into vector instructions of
+//! whatever width it may use. Only IEEE additions, multiplications, divisions and roots occur, none
+//! fused, so every width gives the same bits.
 //!
-//! A beam meets a face when it lies between its two ends: 0 ≤ right × d and 0 ≤ d × left. Neighbouring faces share
-//! an end and so the very same product: no beam slips between them. The range is interpolated between the ends,
-//! which keeps it bounded even for a face seen edge-on, where dividing by the angle of incidence does not.
-// A kernel must be inlined into the function that is compiled for a CPU feature, or it is compiled without it.
+//! A beam meets a face when it lies between its two ends: 0 ≤ right × d and 0 ≤ d × left.
+//! Neighbouring faces share an end and so the very same product: no beam slips between them. The
+//! range is interpolated between the ends, which keeps it bounded even for a face seen edge-on,
+//! where dividing by the angle of incidence does not.
+// A kernel must be inlined into the function that is compiled for a CPU feature, or it is compiled
+// without it.
 #![allow(clippy::inline_always)]
 // A lazy `&&` is a branch; a kernel wants none.
 #![allow(clippy::needless_bitwise_bool)]
@@ -20,8 +23,8 @@ use std::ops::Range;
 ///
 /// # Formula
 ///
-/// With the beam's world direction (wx, wy) and the distances hx, hy to the faces ahead: min(hx / |wx|, hy / |wy|),
-/// the smaller chosen by hx·|wy| < hy·|wx|, so that one division does.
+/// With the beam's world direction (wx, wy) and the distances hx, hy to the faces ahead: min(hx /
+/// |wx|, hy / |wy|), the smaller chosen by hx·|wy| < hy·|wx|, so that one division does.
 #[inline(always)]
 fn walls_chunk(walls: &WallsInFrame, x: &Chunk, y: &Chunk, range: f32, out: &mut Chunk) {
     let (cos, sin) = (walls.rotation.x, walls.rotation.y);
@@ -83,7 +86,8 @@ fn shorten(t: &Chunk, code: u32, ranges: &mut Chunk, codes: Option<&mut [u32; LA
     }
 }
 
-/// The chunks of a span as two runs; a closure per chunk would not inherit the caller's CPU features.
+/// The chunks of a span as two runs; a closure per chunk would not inherit the caller's CPU
+/// features.
 #[inline(always)]
 fn runs(span: Span, n: usize) -> [Range<usize>; 2] {
     let (first, last) = (span.first as usize, span.last as usize);
@@ -94,7 +98,8 @@ fn runs(span: Span, n: usize) -> [Range<usize>; 2] {
 ///
 /// # Shapes
 ///
-/// `ranges`: one chunk per chunk of `directions`; the fill-up beams of the last chunk read the laser's range.
+/// `ranges`: one chunk per chunk of `directions`; the fill-up beams of the last chunk read the
+/// laser's range.
 #[inline(always)]
 pub(super) fn cast(directions: &Directions, targets: &Targets, ranges: &mut [Chunk]) -> f32 {
     let (x, y) = (&directions.x[..], &directions.y[..]);

@@ -1,7 +1,9 @@
-//! The kernels compiled for each CPU feature set, chosen at run time: a portable build uses the vectors it finds.
+//! The kernels compiled for each CPU feature set, chosen at run time: a portable build uses the
+//! vectors it finds.
 //!
-//! This is the crate's only `unsafe`: calling a function compiled for a CPU feature, directly after the check that
-//! the CPU has it. The functions themselves are the same safe code with the same bits (see [`super::analytic`]).
+//! This is the crate's only `unsafe`: calling a function compiled for a CPU feature, directly after
+//! the check that the CPU has it. The functions themselves are the same safe code with the same
+//! bits (see [`super::analytic`]).
 #![allow(unsafe_code)]
 
 use super::targets::Targets;

@@ -1,11 +1,13 @@
-//! The laser scanner: beams from one point, all round or over a sector, against walls, obstacles and those bodies it may
-//! see.
+//! The laser scanner: beams from one point, all round or over a sector, against walls, obstacles
+//! and those bodies it may see.
 //!
-//! Reading order: this file (what a scan is), [`targets`] (shapes in the sensor's frame), [`span`] (the beams that each
-//! can cover), [`analytic`] (closed forms, eight beams at a time), [`dispatch`] (the same code per CPU feature),
-//! [`oracle`] (parry's casts), [`nearest`] (what is near on the sides that a sector does not see), [`noise`].
+//! Reading order: this file (what a scan is), [`targets`] (shapes in the sensor's frame), [`span`]
+//! (the beams that each can cover), [`analytic`] (closed forms, eight beams at a time),
+//! [`dispatch`] (the same code per CPU feature), [`oracle`] (parry's casts), [`nearest`] (what is
+//! near on the sides that a sector does not see), [`noise`].
 //!
-//! Ranges are noise-free here; noise belongs to the observation. A sensor inside a shape, or beyond a wall, reads 0.
+//! Ranges are noise-free here; noise belongs to the observation. A sensor inside a shape, or beyond
+//! a wall, reads 0.
 
 mod analytic;
 mod dispatch;
@@ -58,18 +60,20 @@ pub enum Sensor {
 
 /// The nearest thing to a sensor all round, by which crashes are judged.
 ///
-/// A full circle of beams sees it: it is the scan's least range. A sector does not, and yet a robot whose laser looks
-/// ahead can be hit from behind: there it is the distance to the nearest surface of all walls, obstacles and bodies
-/// that exist for the sensor, on whichever side they are.
+/// A full circle of beams sees it: it is the scan's least range. A sector does not, and yet a robot
+/// whose laser looks ahead can be hit from behind: there it is the distance to the nearest surface
+/// of all walls, obstacles and bodies that exist for the sensor, on whichever side they are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ScanSummary {
     /// Least noise-free distance, m; the laser's range where nothing is nearer.
     pub min_range: f32,
-    /// The thing at that distance: the one that the first beam with that range meets, or the first of the nearest around a sector.
+    /// The thing at that distance: the one that the first beam with that range meets, or the first
+    /// of the nearest around a sector.
     pub nearest: Hit,
 }
 
-/// Beam directions in the sensor's frame, in chunks; beams that only fill the last chunk up have no direction.
+/// Beam directions in the sensor's frame, in chunks; beams that only fill the last chunk up have no
+/// direction.
 pub(crate) struct Directions {
     pub(crate) x: Vec<Chunk>,
     pub(crate) y: Vec<Chunk>,

@@ -5,8 +5,8 @@ use crate::solid::{Outline, Solid};
 use crate::world::World;
 use glam::Vec2;
 
-/// The nearest wall, obstacle or visible body within `range`; the first of those that are equally near. A point inside
-/// of something, or beyond a wall, has distance 0.
+/// The nearest wall, obstacle or visible body within `range`; the first of those that are equally
+/// near. A point inside of something, or beyond a wall, has distance 0.
 pub(super) fn around(world: &World, point: Vec2, sees: &impl Fn(usize) -> bool, range: f32) -> ScanSummary {
     let mut summary = ScanSummary { min_range: range, nearest: Hit::None };
     let mut offer = |distance: f32, hit: Hit| {

@@ -1,17 +1,20 @@
 //! Range noise: Gaussian on in-range returns, then the observation's scaling, in one pass.
 //!
-//! Box and Muller's transform on `ChaCha8` words: it takes a fixed number of words per scan (so that a stream's
-//! position is a plain function of the number of scans) and has no branches, so it vectorises. `rand_distr`'s ziggurat does
-//! neither; per scan of 512 beams it takes about twice as long.
+//! Box and Muller's transform on `ChaCha8` words: it takes a fixed number of words per scan (so
+//! that a stream's position is a plain function of the number of scans) and has no branches, so it
+//! vectorises. `rand_distr`'s ziggurat does neither; per scan of 512 beams it takes about twice as
+//! long.
 //!
-//! Only integer operations and IEEE additions, multiplications, divisions and roots occur, so the bits are the same on
-//! every CPU.
+//! Only integer operations and IEEE additions, multiplications, divisions and roots occur, so the
+//! bits are the same on every CPU.
 //!
 //! # References
 //!
-//! G. E. P. Box, M. E. Muller, "A note on the generation of random normal deviates", doi:10.1214/aoms/1177706645.
-//! The logarithm and the sine are the minimax polynomials of Cephes (`logf`, `sinf`, `cosf`; S. L. Moshier).
-// A kernel must be inlined into the function that is compiled for a CPU feature, or it is compiled without it.
+//! G. E. P. Box, M. E. Muller, "A note on the generation of random normal deviates",
+//! doi:10.1214/aoms/1177706645. The logarithm and the sine are the minimax polynomials of Cephes
+//! (`logf`, `sinf`, `cosf`; S. L. Moshier).
+// A kernel must be inlined into the function that is compiled for a CPU feature, or it is compiled
+// without it.
 #![allow(clippy::inline_always)]
 
 use crate::rng::StreamRng;
@@ -72,7 +75,8 @@ fn normal_pair(radius_word: u32, angle_word: u32, std: f32) -> (f32, f32) {
     (radius * cos, radius * sin)
 }
 
-/// A range with its noise, clamped, as the observation holds it; a beam that meets nothing stays at the range.
+/// A range with its noise, clamped, as the observation holds it; a beam that meets nothing stays at
+/// the range.
 #[inline(always)]
 fn observed(r: f32, noise: f32, range: f32) -> f32 {
     let noisy = r + noise;
@@ -82,12 +86,13 @@ fn observed(r: f32, noise: f32, range: f32) -> f32 {
     read / range - 0.5
 }
 
-/// Writes range/`range` − ½ with noise of standard deviation `std` on every return nearer than `range`.
+/// Writes range/`range` − ½ with noise of standard deviation `std` on every return nearer than
+/// `range`.
 ///
 /// # Shapes
 ///
-/// `ranges`, `out`: n beams; `random`: 8·⌈n/2⌉ bytes, the radius words of beams 0 to ⌈n/2⌉ − 1, then their angle words.
-/// Beam k and beam k + ⌈n/2⌉ share a pair.
+/// `ranges`, `out`: n beams; `random`: 8·⌈n/2⌉ bytes, the radius words of beams 0 to ⌈n/2⌉ − 1,
+/// then their angle words. Beam k and beam k + ⌈n/2⌉ share a pair.
 #[inline(always)]
 pub(super) fn noisy_frame(ranges: &[f32], random: &[u8], std: f32, range: f32, out: &mut [f32]) {
     let half = ranges.len().div_ceil(2);
@@ -126,9 +131,11 @@ impl NoiseSource {
         Self { rng, random: vec![0; 8 * beams.div_ceil(2)] }
     }
 
-    /// Writes a noise-free scan as one frame of an observation: noise on in-range returns, clamp, scaling.
+    /// Writes a noise-free scan as one frame of an observation: noise on in-range returns, clamp,
+    /// scaling.
     ///
-    /// Takes the same number of words from the stream whatever the ranges are; none when `std` is 0.
+    /// Takes the same number of words from the stream whatever the ranges are; none when `std` is
+    /// 0.
     ///
     /// # Shapes
     ///
@@ -136,8 +143,8 @@ impl NoiseSource {
     ///
     /// # Formula
     ///
-    /// frame = clamp(r + n, 0, `range`)/`range` − ½ where r < `range`, else ½. At the default range of 10 m that is
-    /// range/10 − 0.5.
+    /// frame = clamp(r + n, 0, `range`)/`range` − ½ where r < `range`, else ½. At the default range
+    /// of 10 m that is range/10 − 0.5.
     pub fn frame(&mut self, ranges: &[f32], std: f32, range: f32, frame: &mut [f32]) {
         if std == 0.0 {
             for (out, r) in frame.iter_mut().zip(ranges) {

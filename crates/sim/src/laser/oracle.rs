@@ -1,8 +1,10 @@
-//! The oracle kernel: one parry ray cast per beam and shape, over the beams that the shape's bounding circle covers.
+//! The oracle kernel: one parry ray cast per beam and shape, over the beams that the shape's
+//! bounding circle covers.
 //!
-//! parry's own cast of a segment (and so of a polygon's sides) is off by more than 1e-4 m on some beams, rarely by a
-//! metre, and its cast of a small ball far away loses 1e-4 m to cancellation: sides and discs are solved here, in f64. Directions are computed in the world frame: nothing is shared with the
-//! closed forms but the table of beam angles.
+//! parry's own cast of a segment (and so of a polygon's sides) is off by more than 1e-4 m on some
+//! beams, rarely by a metre, and its cast of a small ball far away loses 1e-4 m to cancellation:
+//! sides and discs are solved here, in f64. Directions are computed in the world frame: nothing is
+//! shared with the closed forms but the table of beam angles.
 
 use super::{Directions, Hit, ScanSummary, nearest, rotation};
 use crate::config::LaserConfig;

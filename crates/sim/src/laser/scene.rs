@@ -1,4 +1,5 @@
-//! A scan of a free-standing scene given in f64: what a conformance fixture or a measurement of one's own needs.
+//! A scan of a free-standing scene given in f64: what a conformance fixture or a measurement of
+//! one's own needs.
 
 use super::{Hit, Laser, Sensor};
 use crate::config::LaserConfig;
@@ -10,9 +11,9 @@ use glam::DVec2;
 
 /// A scene around one sensor, every number in f64 and in world coordinates.
 ///
-/// Bodies may overlap one another, stick through walls or lie outside the room; headings may be any finite number.
-/// The scene is moved to the sensor and its headings are wrapped before anything is rounded to f32, so that a room far
-/// from the origin or a heading of many turns costs no accuracy.
+/// Bodies may overlap one another, stick through walls or lie outside the room; headings may be any
+/// finite number. The scene is moved to the sensor and its headings are wrapped before anything is
+/// rounded to f32, so that a room far from the origin or a heading of many turns costs no accuracy.
 #[derive(Clone, Debug, Default)]
 pub struct ScanScene {
     /// Inner corners (least, largest) of an axis-parallel room.

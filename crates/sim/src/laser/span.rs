@@ -1,12 +1,14 @@
 //! The beams that a shape can cover, as runs of whole chunks.
 //!
-//! A shape's first and last direction are approximate, so each run is widened: a beam that is left out meets nothing.
+//! A shape's first and last direction are approximate, so each run is widened: a beam that is left
+//! out meets nothing.
 
 use super::LANES;
 use crate::config::LaserConfig;
 
 /// By how much a sector's runs are widened on either side, in turns: more than a direction of
-/// [`approximate_turn`](crate::trig::approximate_turn) and the rounding of what is made of it are off.
+/// [`approximate_turn`](crate::trig::approximate_turn) and the rounding of what is made of it are
+/// off.
 const MARGIN: f32 = 1e-5;
 
 /// A run of chunks, counter-clockwise, that may go over the end of the circle.
@@ -17,8 +19,8 @@ pub(crate) struct Span {
 }
 
 impl Span {
-    /// The chunks of the beams between two directions given in turns, counter-clockwise, with a margin of a beam. Beam 0
-    /// is straight ahead and the beams go all round.
+    /// The chunks of the beams between two directions given in turns, counter-clockwise, with a
+    /// margin of a beam. Beam 0 is straight ahead and the beams go all round.
     fn between(from: f32, to: f32, beams: usize) -> Self {
         let (n, beams) = (beams.div_ceil(LANES), beams as f32);
         // Turns are not negative, so that a cast rounds down; 2 is rounding up and the margin.
@@ -77,7 +79,8 @@ impl View {
         Self { beams: laser.beams, sector }
     }
 
-    /// The chunks of the beams between two directions given in turns, counter-clockwise; none where no beam points.
+    /// The chunks of the beams between two directions given in turns, counter-clockwise; none where
+    /// no beam points.
     pub(crate) fn span(&self, from: f32, to: f32) -> Option<Span> {
         if self.beams < 8 * LANES {
             return Some(Span::all(self.beams));
@@ -157,7 +160,8 @@ mod tests {
                 n_part += u32::from(span.is_some_and(|span| span != Span::all(beams)));
             }
             let sector = !laser.is_full_circle();
-            // A circle has no directions without beams, and 1e-3 rad are within a chunk of any direction's margin.
+            // A circle has no directions without beams, and 1e-3 rad are within a chunk of any
+            // direction's margin.
             assert!(!sector || beams == 8192 || n_part > 100, "{laser:?}: {n_part} parts of the circle");
             assert!(!sector || fov > 6.0 || n_none > 100, "{laser:?}: {n_none} directions without beams");
         }

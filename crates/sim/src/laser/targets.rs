@@ -1,6 +1,8 @@
-//! The targets of a scan: the faces of all visible shapes in the sensor's frame, each with the beams that it can cover.
+//! The targets of a scan: the faces of all visible shapes in the sensor's frame, each with the
+//! beams that it can cover.
 //!
-//! Culling is by whole chunks of beams and never decides about a hit: the kernel's own exact test does.
+//! Culling is by whole chunks of beams and never decides about a hit: the kernel's own exact test
+//! does.
 
 use super::span::{Span, View};
 use super::{Hit, rotation};
@@ -48,7 +50,8 @@ pub(crate) struct Disc {
     pub(crate) code: u32,
 }
 
-/// The room's walls from the sensor: distances to the inner faces, and the room's x axis in the sensor's frame.
+/// The room's walls from the sensor: distances to the inner faces, and the room's x axis in the
+/// sensor's frame.
 #[derive(Clone, Copy)]
 pub(crate) struct WallsInFrame {
     /// Distances to the faces at least x, least y.

@@ -1,24 +1,31 @@
-//! From cells to lines: the outline of an occupancy grid's free area, and straight edges through it.
+//! From cells to lines: the outline of an occupancy grid's free area, and straight edges through
+//! it.
 //!
-//! A rasterised wall is a staircase whose form depends on how the wall lies to the grid. [`fit_ring`] goes along it and
-//! takes as many steps as one straight strip of a cell's width holds; the strip's middle line is the edge. The outline of
-//! a straight wall runs within half a cell of the wall itself, however it is turned, so such a strip always holds it
-//! whole: every step's middle lies within half a cell of its edge's line, and a wall has the same edges in every raster.
+//! A rasterised wall is a staircase whose form depends on how the wall lies to the grid.
+//! [`fit_ring`] goes along it and takes as many steps as one straight strip of a cell's width
+//! holds; the strip's middle line is the edge. The outline of a straight wall runs within half a
+//! cell of the wall itself, however it is turned, so such a strip always holds it whole: every
+//! step's middle lies within half a cell of its edge's line, and a wall has the same edges in every
+//! raster.
 //!
 //! # References
 //!
-//! The two rules, steps as far as a strip holds them and vertices where middle lines meet, are those of P. Selinger,
-//! "Potrace: a polygon-based tracing algorithm" (2003), with the narrowest strip in place of his best fit.
+//! The two rules, steps as far as a strip holds them and vertices where middle lines meet, are
+//! those of P. Selinger, "Potrace: a polygon-based tracing algorithm" (2003), with the narrowest
+//! strip in place of his best fit.
 
 use glam::{DVec2, IVec2};
 
 /// Width of a strip, cells.
 const WIDTH: f64 = 1.0;
-/// Largest distance by which an edge's steps go back along it, cells. At the end of a wall of one cell they go back by this.
+/// Largest distance by which an edge's steps go back along it, cells. At the end of a wall of one
+/// cell they go back by this.
 const BACK: f64 = 0.5;
-/// Outlines up to this length, cells, are kept as they are: a pillar of some cells has no straight edges to be found.
+/// Outlines up to this length, cells, are kept as they are: a pillar of some cells has no straight
+/// edges to be found.
 const SHORT: i32 = 16;
-/// Largest distance of the corner of two edges from its place in the outline, cells; sharper corners are cut off.
+/// Largest distance of the corner of two edges from its place in the outline, cells; sharper
+/// corners are cut off.
 const MITRE: f64 = 2.0;
 /// Largest distance of a step's middle from its edge, cells, beside corners that were cut off.
 const CUT_OFF: f64 = 1.25;
@@ -28,9 +35,10 @@ const RUN_END: i32 = 6;
 const WINDOW: usize = 4;
 const STEPS: [IVec2; 4] = [IVec2::X, IVec2::Y, IVec2::NEG_X, IVec2::NEG_Y];
 
-/// The closed lines between free and solid cells, in cells from the grid's lower left corner, each by its corners:
-/// clockwise around free areas, counter-clockwise around the solid in them. Beyond the grid all is solid. Cells that
-/// touch at a corner are joined where they are solid and not where they are free, as no body fits through.
+/// The closed lines between free and solid cells, in cells from the grid's lower left corner, each
+/// by its corners: clockwise around free areas, counter-clockwise around the solid in them. Beyond
+/// the grid all is solid. Cells that touch at a corner are joined where they are solid and not
+/// where they are free, as no body fits through.
 pub(super) fn cell_rings(solid: &[bool], width: usize) -> Vec<Vec<IVec2>> {
     let grid = Grid { solid, width: width as i32, height: (solid.len() / width) as i32 };
     let mut seen = vec![false; solid.len() + width];
@@ -80,8 +88,8 @@ impl Grid<'_> {
         }
     }
 
-    /// The heading of the line behind a corner: to the right of a solid cell ahead on the free side, else straight along a
-    /// solid one on the other side, else to the left.
+    /// The heading of the line behind a corner: to the right of a solid cell ahead on the free
+    /// side, else straight along a solid one on the other side, else to the left.
     fn turn(&self, at: IVec2, heading: usize) -> usize {
         // The cells ahead on the right and on the left, by their lower left corners.
         let (right, left) = match heading {
@@ -98,8 +106,9 @@ impl Grid<'_> {
     }
 }
 
-/// Straight edges through a line of cells' edges: the vertices of a closed polygon. What is too small for that, or comes
-/// out with another area by more than three quarters of a cell along its line, stays as it is.
+/// Straight edges through a line of cells' edges: the vertices of a closed polygon. What is too
+/// small for that, or comes out with another area by more than three quarters of a cell along its
+/// line, stays as it is.
 pub(super) fn fit_ring(corners: &[IVec2]) -> Vec<DVec2> {
     let as_it_is = || corners.iter().map(|corner| corner.as_dvec2()).collect::<Vec<_>>();
     let length: i32 = (0..corners.len()).map(|i| run(corners, i).abs().element_sum()).sum();
@@ -116,8 +125,9 @@ fn run(corners: &[IVec2], i: usize) -> IVec2 {
     corners[(i + 1) % corners.len()] - corners[i]
 }
 
-/// Middles of the cells' edges. Of those in a long straight run only some at either end, which bound the others; enough that
-/// the run keeps some of its own where strips reach around its corners.
+/// Middles of the cells' edges. Of those in a long straight run only some at either end, which
+/// bound the others; enough that the run keeps some of its own where strips reach around its
+/// corners.
 fn middles(corners: &[IVec2]) -> Vec<DVec2> {
     let mut points = Vec::with_capacity(4 * corners.len());
     for (i, corner) in corners.iter().enumerate() {
@@ -174,8 +184,8 @@ fn vertices(points: &[DVec2]) -> Vec<DVec2> {
     for (i, corner) in corners.iter().enumerate() {
         let before = &corners[(i + corners.len() - 1) % corners.len()];
         let own = &points[edges[i].0..edges[i].1];
-        // Beside spurs and notches of a cell's width, corners may be cut off that are more than a rough place: there the
-        // steps themselves are kept.
+        // Beside spurs and notches of a cell's width, corners may be cut off that are more than a
+        // rough place: there the steps themselves are kept.
         if own.iter().any(|point| off(*point, before[before.len() - 1], corner[0]) > CUT_OFF) {
             ring.extend(own);
         }
@@ -230,8 +240,8 @@ fn turns_back(points: &[DVec2]) -> Option<usize> {
     })
 }
 
-/// Moves the end of edge `i` and the start of the next one to where both strips are narrowest. One point may be left to
-/// neither: the step across the end of a thin wall.
+/// Moves the end of edge `i` and the start of the next one to where both strips are narrowest. One
+/// point may be left to neither: the step across the end of a thin wall.
 fn refine(points: &[DVec2], n: usize, edges: &mut [(usize, usize)], i: usize) {
     let next = (i + 1) % edges.len();
     // The edge behind the last one is the first one, a whole turn later.
@@ -268,8 +278,8 @@ fn refine(points: &[DVec2], n: usize, edges: &mut [(usize, usize)], i: usize) {
     edges[next].0 = best.2 - turn;
 }
 
-/// Drops edges of a few steps that their neighbours can hold between them, all but one: what is left where the last edge
-/// meets the start of the first, which had reached around its corner.
+/// Drops edges of a few steps that their neighbours can hold between them, all but one: what is
+/// left where the last edge meets the start of the first, which had reached around its corner.
 fn absorb(points: &[DVec2], n: usize, edges: &mut Vec<(usize, usize)>) {
     let fits = |from: usize, end: usize| is_straight(&points[from..end]);
     let mut i = 0;
@@ -293,7 +303,8 @@ fn absorb(points: &[DVec2], n: usize, edges: &mut Vec<(usize, usize)>) {
     }
 }
 
-/// Makes one edge of two neighbours that one strip holds: the first edge may have begun within a straight part.
+/// Makes one edge of two neighbours that one strip holds: the first edge may have begun within a
+/// straight part.
 fn unite(points: &[DVec2], n: usize, edges: &mut Vec<(usize, usize)>) {
     let mut i = 0;
     while i < edges.len() && edges.len() > 3 {
@@ -311,7 +322,8 @@ fn unite(points: &[DVec2], n: usize, edges: &mut Vec<(usize, usize)>) {
     }
 }
 
-/// The corner of two edges: where their lines meet; at the end of a thin wall, where they do not, one point on each.
+/// The corner of two edges: where their lines meet; at the end of a thin wall, where they do not,
+/// one point on each.
 fn join(a: &Strip, b: &Strip, near: DVec2) -> Vec<DVec2> {
     let sine = a.direction.perp_dot(b.direction);
     let meeting = a.centre + a.direction * ((b.centre - a.centre).perp_dot(b.direction) / sine);

@@ -1,10 +1,13 @@
-//! ROS occupancy grids: `map.yaml` and its image, cells that are not known to be free merged into boxes.
+//! ROS occupancy grids: `map.yaml` and its image, cells that are not known to be free merged into
+//! boxes.
 //!
-//! A cell's occupancy is what nav2's `map_io` makes of its pixel ([`occupancy`]). Only what it calls free is free: occupied,
-//! unknown and half-occupied cells are solid, so that nobody walks or appears where the map does not say so.
+//! A cell's occupancy is what nav2's `map_io` makes of its pixel ([`occupancy`]). Only what it
+//! calls free is free: occupied, unknown and half-occupied cells are solid, so that nobody walks or
+//! appears where the map does not say so.
 //!
-//! The grid is turned by its origin's yaw around its lower left corner. The walls are the axis-parallel rectangle around it;
-//! where the rectangle is larger than the turned image, triangles fill it up.
+//! The grid is turned by its origin's yaw around its lower left corner. The walls are the
+//! axis-parallel rectangle around it; where the rectangle is larger than the turned image,
+//! triangles fill it up.
 
 use super::contour::{cell_rings, fit_ring};
 use super::image::{self, Cells, Pixel};
@@ -63,11 +66,12 @@ enum Occupancy {
 ///
 /// # Formula
 ///
-/// The shade is the mean of red, green and blue, in mode `trinary` of an image with opacity the mean of these and the opacity.
-/// The probability p is 1 − shade, or the shade where `negate` is set. Above `occupied_thresh` a cell is 100, below
-/// `free_thresh` 0. In between it is unknown in mode `trinary`, and in mode `scale` the rounded share of the way from one
-/// threshold to the other; there a pixel that is not opaque is unknown. In mode `raw` the shade times 255, rounded, is the
-/// percentage, and more than 100 is unknown.
+/// The shade is the mean of red, green and blue, in mode `trinary` of an image with opacity the
+/// mean of these and the opacity. The probability p is 1 − shade, or the shade where `negate` is
+/// set. Above `occupied_thresh` a cell is 100, below `free_thresh` 0. In between it is unknown in
+/// mode `trinary`, and in mode `scale` the rounded share of the way from one threshold to the
+/// other; there a pixel that is not opaque is unknown. In mode `raw` the shade times 255, rounded,
+/// is the percentage, and more than 100 is unknown.
 fn occupancy(yaml: &MapYaml, pixel: Pixel) -> Occupancy {
     let shade = match (yaml.mode, pixel.alpha) {
         (Mode::Trinary, Some(alpha)) => (pixel.colours + alpha) / 4.0,
@@ -93,8 +97,8 @@ fn occupancy(yaml: &MapYaml, pixel: Pixel) -> Occupancy {
     }
 }
 
-/// True if a cell is free: its percentage is 0 or, in mode `raw`, which applies no threshold to its cells, below
-/// `free_thresh`.
+/// True if a cell is free: its percentage is 0 or, in mode `raw`, which applies no threshold to its
+/// cells, below `free_thresh`.
 fn is_free(yaml: &MapYaml, pixel: Pixel) -> bool {
     match occupancy(yaml, pixel) {
         Occupancy::Unknown => false,
@@ -156,7 +160,8 @@ fn bounds(points: &[DVec2]) -> (DVec2, DVec2) {
         .fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(low, high), at| (low.min(*at), high.max(*at)))
 }
 
-/// Triangles between a turned rectangle and its axis-parallel bounds; none where one side would be below a millimetre.
+/// Triangles between a turned rectangle and its axis-parallel bounds; none where one side would be
+/// below a millimetre.
 fn fillers(corners: &[DVec2; 4], (low, high): (DVec2, DVec2)) -> Vec<(Shape, Pose)> {
     let triangle = |i: usize| {
         let (a, b) = (corners[i], corners[(i + 1) % 4]);
@@ -183,8 +188,8 @@ struct Block {
 
 /// Runs of solid cells in each row; a run above an equal one grows it.
 ///
-/// The work is one pass over the cells, and it ends with the number of blocks as soon as there are more than a map may
-/// have: a small compressed image can hold millions.
+/// The work is one pass over the cells, and it ends with the number of blocks as soon as there are
+/// more than a map may have: a small compressed image can hold millions.
 fn merge(solid: &[bool], width: usize) -> Result<Vec<Block>, usize> {
     let (mut done, mut open): (Vec<Block>, Vec<Block>) = (Vec::new(), Vec::new());
     for (y, row) in solid.chunks_exact(width).enumerate() {

@@ -1,6 +1,6 @@
-//! Images of occupancy grids: PGM and PPM (`P2`, `P3`, `P5`, `P6`) by a reader of our own, PNG through the crate `png` (feature
-//! `png`).
-//! Every depth that these formats have is read in full; nothing is rounded to 8 bits.
+//! Images of occupancy grids: PGM and PPM (`P2`, `P3`, `P5`, `P6`) by a reader of our own, PNG
+//! through the crate `png` (feature `png`). Every depth that these formats have is read in full;
+//! nothing is rounded to 8 bits.
 
 use super::read;
 use crate::error::SimError;
@@ -52,7 +52,8 @@ fn check_size(path: &Path, width: usize, height: usize) -> Result<(), SimError> 
     Err(SimError::file(path, "size", format!("{width} by {height}"), expected))
 }
 
-/// The cells of samples that are stored one after another: 1 or 3 colours for a pixel, perhaps an opacity behind them.
+/// The cells of samples that are stored one after another: 1 or 3 colours for a pixel, perhaps an
+/// opacity behind them.
 fn cells(
     width: usize,
     samples: usize,

@@ -1,7 +1,9 @@
-//! Scenarios from a configuration: its rectangle, or a map file. Polygon files and ROS occupancy grids become walls and obstacles.
+//! Scenarios from a configuration: its rectangle, or a map file. Polygon files and ROS occupancy
+//! grids become walls and obstacles.
 //!
-//! A refusal names the file, the field, what was found and what was expected. Sizes are capped before anything of that size
-//! is allocated. A format whose feature is off is refused by [`SimError::Feature`].
+//! A refusal names the file, the field, what was found and what was expected. Sizes are capped
+//! before anything of that size is allocated. A format whose feature is off is refused by
+//! [`SimError::Feature`].
 
 #[cfg(feature = "yaml")]
 mod contour;
@@ -48,11 +50,13 @@ pub fn scenario(config: &RoomConfig) -> Result<Scenario, SimError> {
     }
 }
 
-/// Reads a map: `.toml` (feature `toml`) or `.json` for polygons, `.yaml` or `.yml` (feature `yaml`) for a ROS map.
+/// Reads a map: `.toml` (feature `toml`) or `.json` for polygons, `.yaml` or `.yml` (feature
+/// `yaml`) for a ROS map.
 ///
 /// # Errors
 ///
-/// When the file cannot be read, is no such map, or holds a shape that the world refuses; a format whose feature is off.
+/// When the file cannot be read, is no such map, or holds a shape that the world refuses; a format
+/// whose feature is off.
 pub fn load(path: &Path) -> Result<Scenario, SimError> {
     let scenario = match path.extension().and_then(|e| e.to_str()) {
         #[cfg(feature = "toml")]
@@ -77,8 +81,8 @@ pub fn load(path: &Path) -> Result<Scenario, SimError> {
     Ok(scenario)
 }
 
-/// Keys of a `map.yaml` that are not read because only other tools know them, as lines for the user; none for other maps.
-/// Nothing here prints; a command does, once.
+/// Keys of a `map.yaml` that are not read because only other tools know them, as lines for the
+/// user; none for other maps. Nothing here prints; a command does, once.
 ///
 /// # Errors
 ///
@@ -98,8 +102,9 @@ pub fn notes(path: &Path) -> Result<Vec<String>, SimError> {
     }
 }
 
-/// SHA-256 of a map's content, in hexadecimal: of the file's bytes; of a `map.yaml`, of the hexadecimal hashes of the file and
-/// of its image, one behind the other. The files' folders do not count.
+/// SHA-256 of a map's content, in hexadecimal: of the file's bytes; of a `map.yaml`, of the
+/// hexadecimal hashes of the file and of its image, one behind the other. The files' folders do not
+/// count.
 ///
 /// # Errors
 ///
@@ -147,7 +152,8 @@ fn read(path: &Path) -> Result<Vec<u8>, SimError> {
     Ok(bytes)
 }
 
-/// A file's text, up to the cap: UTF-8, or UTF-16 where a byte order mark says so. The mark itself is no part of the text.
+/// A file's text, up to the cap: UTF-8, or UTF-16 where a byte order mark says so. The mark itself
+/// is no part of the text.
 fn read_text(path: &Path) -> Result<String, SimError> {
     let mut bytes = read(path)?;
     let units = |decode: fn([u8; 2]) -> u16| {

@@ -1,7 +1,9 @@
-//! The `map.yaml` of ROS' map server, by a YAML parser: block and flow style, anchors, comments, any number of lines.
+//! The `map.yaml` of ROS' map server, by a YAML parser: block and flow style, anchors, comments,
+//! any number of lines.
 //!
-//! The keys that are read and the meaning of their values follow nav2's `map_io`; the numbers and words are those that its YAML
-//! library takes. Keys that it does not know are passed over, and told by [`MapYaml::ignored`].
+//! The keys that are read and the meaning of their values follow nav2's `map_io`; the numbers and
+//! words are those that its YAML library takes. Keys that it does not know are passed over, and
+//! told by [`MapYaml::ignored`].
 
 use crate::error::SimError;
 use crate::scenario::REACH;
@@ -37,7 +39,8 @@ pub(super) struct MapYaml {
     pub(super) image: PathBuf,
     /// Side of a cell, m.
     pub(super) resolution: f64,
-    /// World position of the lower left corner of the lower left cell, m, and the grid's heading around it, rad.
+    /// World position of the lower left corner of the lower left cell, m, and the grid's heading
+    /// around it, rad.
     pub(super) origin: [f64; 3],
     /// True if dark is free.
     pub(super) negate: bool,
@@ -180,8 +183,8 @@ fn entries(path: &Path, text: &str) -> Result<Entries, SimError> {
         let expected = format!("at most {TEXT_MAX} bytes");
         return Err(SimError::file(path, "content", format!("{} bytes", text.len()), expected));
     }
-    // The parser asks for a space behind the colon of a key; YAML, and ROS with it, takes a tab as well. In a quoted name a
-    // tab would be refused anyway.
+    // The parser asks for a space behind the colon of a key; YAML, and ROS with it, takes a tab as
+    // well. In a quoted name a tab would be refused anyway.
     let text = text.replace(":\t", ": ");
     let mut reader = Reader { path, parser: Parser::new_from_str(&text), anchors: BTreeMap::new() };
     let mut entries = Entries { known: BTreeMap::new(), ignored: Vec::new() };
