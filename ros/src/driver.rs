@@ -497,7 +497,15 @@ mod tests {
         driver.odometry(51.0, &odometry(-99.0, 0.0));
         driver.scan(51.0, &scan(-99.0));
         assert_eq!(told(&mut driver, 51.0).2, None);
-        assert_eq!(driver.row[0], 0.0);
+        // What it measured before is from another time: no frame of the row is of then.
+        let mut driver = ahead();
+        driver.goal(1.0, &goal(1.0, 5.0));
+        for (now, stamped, range) in [(1.0, 1.0, 2.0), (1.1, 1.1, 2.0), (1.2, 1.05, 5.0)] {
+            driver.odometry(now, &odometry(now, 0.0));
+            driver.scan(now, &LaserScan { ranges: vec![range; 512], ..scan(stamped) });
+        }
+        assert_eq!(told(&mut driver, 1.2).2, None);
+        assert!(driver.row[..1536].iter().all(|value| *value == 0.0));
     }
 
     #[test]

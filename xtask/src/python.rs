@@ -58,7 +58,7 @@ fn test() -> Result<bool> {
 }
 
 fn run(command: &mut Command) -> Result<bool> {
-    run_in(&workspace(), command)
+    run_in(workspace(), command)
 }
 
 /// Runs a program in a folder; whether it succeeded.

@@ -47,12 +47,12 @@ fn cargo(arguments: &[&str]) -> Result<bool> {
 fn set_up() -> Result<bool> {
     let (python, here) = (environment().join("bin/python"), workspace());
     if !python.exists()
-        && !run_in(&here, Command::new(system_python()?).args(["-m", "venv"]).arg(environment()))?
+        && !run_in(here, Command::new(system_python()?).args(["-m", "venv"]).arg(environment()))?
     {
         return Ok(false);
     }
     let quiet = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check"];
-    run_in(&here, Command::new(python).args(quiet).args(PEERS))
+    run_in(here, Command::new(python).args(quiet).args(PEERS))
 }
 
 /// The closed loops; then what they took, as the page on ROS 2 has it.
