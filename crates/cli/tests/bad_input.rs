@@ -64,6 +64,18 @@ fn evaluate_refused(checkpoint: &Path, more: &[&str], parts: &[&str]) {
 }
 
 #[test]
+fn a_name_that_no_shipped_configuration_has() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run");
+    let arguments = ["train", "--config", "smal_m1", "--out", text(&run)];
+    refused(
+        &arguments,
+        &["smal_m1: found neither a file nor a shipped configuration", "did you mean small_m1"],
+    );
+    assert!(!run.exists());
+}
+
+#[test]
 fn unknown_key() {
     config_refused("sede = 3\n", &["config.toml:1:1", "sede", "expected seed"]);
 }

@@ -108,6 +108,16 @@ fn unpacked(files: &[Embedded]) -> Result<&'static Path> {
         return Ok(folder);
     }
     let folder = cache_folder()?.join(version(files));
+    unpack(files, &folder)?;
+    note(&format!(
+        "no checkout of jostle here; shipped policies and configurations are the program's own, in {}",
+        folder.display()
+    ));
+    Ok(UNPACKED.get_or_init(|| folder))
+}
+
+/// Writes the files that are not in the folder, or not whole.
+fn unpack(files: &[Embedded], folder: &Path) -> Result<()> {
     for file in files {
         let path = folder.join(file.path);
         let is_there = std::fs::metadata(&path).is_ok_and(|about| about.len() == file.bytes.len() as u64);
@@ -117,11 +127,7 @@ fn unpacked(files: &[Embedded]) -> Result<&'static Path> {
             write_bytes_atomically(&path, file.bytes)?;
         }
     }
-    note(&format!(
-        "no checkout of jostle here; shipped policies and configurations are the program's own, in {}",
-        folder.display()
-    ));
-    Ok(UNPACKED.get_or_init(|| folder))
+    Ok(())
 }
 
 /// The name of these very files.
@@ -142,4 +148,48 @@ fn cache_folder() -> Result<PathBuf> {
             "found none of XDG_CACHE_HOME, LOCALAPPDATA and HOME, expected one: where files may be kept",
         )?
         .join("jostle"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Embedded, config_name, unpack, version};
+
+    const FILES: [Embedded; 2] = [
+        Embedded { path: "configs/a.toml", bytes: b"one" },
+        Embedded { path: "maps/b/c.toml", bytes: b"four" },
+    ];
+
+    #[test]
+    fn what_is_missing_or_cut_short_is_written_and_the_rest_left_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let read = |path: &str| std::fs::read(folder.path().join(path)).unwrap();
+        unpack(&FILES, folder.path()).unwrap();
+        assert_eq!((read("configs/a.toml"), read("maps/b/c.toml")), (b"one".to_vec(), b"four".to_vec()));
+        std::fs::write(folder.path().join("configs/a.toml"), "on").unwrap();
+        std::fs::write(folder.path().join("maps/b/c.toml"), "ours").unwrap();
+        unpack(&FILES, folder.path()).unwrap();
+        assert_eq!((read("configs/a.toml"), read("maps/b/c.toml")), (b"one".to_vec(), b"ours".to_vec()));
+        // A folder where a file belongs: said, with its path.
+        std::fs::remove_file(folder.path().join("configs/a.toml")).unwrap();
+        std::fs::create_dir_all(folder.path().join("configs/a.toml/x")).unwrap();
+        let error = format!("{:#}", unpack(&FILES, folder.path()).unwrap_err());
+        assert!(error.contains("cannot write") && error.contains("a.toml"), "{error}");
+    }
+
+    #[test]
+    fn other_files_have_another_folder() {
+        assert_eq!(version(&FILES), version(&FILES));
+        assert_ne!(version(&FILES), version(&FILES[..1]));
+        let changed = [FILES[0], Embedded { bytes: b"five", ..FILES[1] }];
+        assert_ne!(version(&FILES), version(&changed));
+    }
+
+    #[test]
+    fn configurations_have_names_and_plans_have_none() {
+        assert_eq!(config_name("configs/strong.toml"), Some("strong"));
+        assert_eq!(
+            (config_name("configs/plans/study.toml"), config_name("maps/obstacle.toml")),
+            (None, None)
+        );
+    }
 }
