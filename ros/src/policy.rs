@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use jostle_arena::{Driver as Named, ArenaError, RobotPolicy, TrainedRobot};
+use jostle_arena::{ArenaError, Driver as Named, RobotPolicy, TrainedRobot};
 use jostle_policy::Backend;
 use jostle_sim::SimConfig;
 
