@@ -1,11 +1,11 @@
-//! Products that leave out what a ReLU made zero.
+//! Products that leave out the zeros of a ReLU.
 //!
 //! Behind a ReLU about half of the activations are zero, and of the gradients that come back
 //! through it two thirds. A dense product multiplies them all the same. Here each value of a row
 //! that is not zero has a bit in a mask; those values are broadcast, one after the other, and
 //! multiplied by 64 values of the other operand, which stay in the first-level cache. That reads an
-//! operand of the multiply-add from memory each time, where the dense tiles of
-//! [`rows`](crate::rows) keep it in a register for 14 rows, so it pays where the share of values
+//! operand of the multiply-add from memory each time, where the tiles of
+//! [`dense`](crate::dense) keep it in a register for 14 rows, so it pays where the share of values
 //! that are not zero is below `DENSE`; above it the dense product is used.
 //!
 //! # The same bits
