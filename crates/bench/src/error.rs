@@ -22,7 +22,7 @@ pub enum BenchError {
     Arena(#[from] jostle_arena::ArenaError),
     /// The evaluation refuses its settings.
     #[error(transparent)]
-    Eval(#[from] jostle_eval::EvalError),
+    Eval(Box<jostle_eval::EvalError>),
     /// The matrix product that serves as the yardstick fails.
     #[error(transparent)]
     Product(#[from] candle_core::Error),
@@ -42,4 +42,11 @@ pub enum BenchError {
         /// The name as it was given.
         found: String,
     },
+}
+
+// Boxed: it is the largest of the errors, and every call would carry its size.
+impl From<jostle_eval::EvalError> for BenchError {
+    fn from(error: jostle_eval::EvalError) -> Self {
+        Self::Eval(Box::new(error))
+    }
 }

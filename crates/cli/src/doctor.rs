@@ -198,7 +198,7 @@ fn disk(runs: &Path) -> Check {
 
 fn checkout() -> Check {
     match commit() {
-        text if text == "unknown" => Check::odd(
+        "unknown" => Check::odd(
             "checkout",
             "no git commit",
             "runs cannot say which source made them; use a git checkout",

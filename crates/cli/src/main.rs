@@ -20,6 +20,7 @@ struct Jostle {
 }
 
 #[derive(Subcommand)]
+#[expect(clippy::large_enum_variant, reason = "one is made for each run of the program")]
 enum Program {
     #[command(flatten)]
     Command(jostle_cli::Command),

@@ -68,7 +68,6 @@ pub enum Axis {
 }
 
 /// All that is drawn on one page.
-#[expect(clippy::struct_field_names, reason = "a page of panels has panels")]
 pub struct Panels {
     /// Names of the groups, in the order of their colours.
     pub labels: Vec<String>,

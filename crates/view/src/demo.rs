@@ -50,12 +50,11 @@ pub struct DemoArgs {
 /// Runs a policy among the two crowds that need no training, and names the page that shows it.
 pub fn run(args: &DemoArgs) -> Result<ExitCode> {
     let started = Instant::now();
-    let shown: Vec<PathBuf> = match &args.policy {
-        Some(path) => vec![path.clone()],
-        None => {
-            let all = shipped()?;
-            all.first().cloned().into_iter().chain(first_of(&all, PAPERS_ROW)).collect()
-        }
+    let shown: Vec<PathBuf> = if let Some(path) = &args.policy {
+        vec![path.clone()]
+    } else {
+        let all = shipped()?;
+        all.first().cloned().into_iter().chain(first_of(&all, PAPERS_ROW)).collect()
     };
     let mut drivers = shown.iter().map(|path| Driver::open(path, 0)).collect::<Result<Vec<_>>>()?;
     if drivers.is_empty() {
