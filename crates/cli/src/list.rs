@@ -52,7 +52,7 @@ fn row(folder: &Path) -> Result<Vec<String>> {
     let log = RunLog::read(folder)?;
     let state = log.state()?;
     let running = state == State::Running;
-    let pace = Pace::of(&log, log.config.updates, RECENT);
+    let pace = Pace::new(&log, log.config.updates, RECENT);
     let state = match state {
         State::Finished => "finished",
         State::Running => "running",

@@ -73,8 +73,10 @@ pub(crate) fn check_episodes(file: &EpisodesFile, verdict: &mut Verdict) -> Resu
         for (index, ((_, actual), expected)) in found.iter().zip(&case.expected.per_episode).enumerate() {
             check_episode(actual, expected, &format!("{}[{index}]", case.name), verdict);
         }
-        let summary =
-            Summary::of(file.scale.v_max, found.iter().map(|(outcome, metrics)| (*outcome, metrics)));
+        let summary = Summary::from_episodes(
+            file.scale.v_max,
+            found.iter().map(|(outcome, metrics)| (*outcome, metrics)),
+        );
         check_summary(&summary, &case.expected.summary, &case.name, verdict);
     }
     Ok(())

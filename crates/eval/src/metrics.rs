@@ -25,7 +25,7 @@ pub struct MeanStd {
 
 impl MeanStd {
     /// Of a list of values, summed in its order, in two passes.
-    pub fn of(values: &[f64]) -> Self {
+    pub fn from_values(values: &[f64]) -> Self {
         let n = values.len() as f64;
         if values.is_empty() {
             return Self { mean: None, std: None };
@@ -85,7 +85,10 @@ pub struct Summary {
 
 impl Summary {
     /// Summary of episodes in the given order.
-    pub fn of<'a>(v_max: f64, episodes: impl IntoIterator<Item = (Outcome, &'a EpisodeMetrics)>) -> Self {
+    pub fn from_episodes<'a>(
+        v_max: f64,
+        episodes: impl IntoIterator<Item = (Outcome, &'a EpisodeMetrics)>,
+    ) -> Self {
         let mut counts = [0_u64; Outcome::ALL.len()];
         let (mut times, mut distances, mut speeds) = (Vec::new(), Vec::new(), Vec::new());
         let mut check = DistanceCheck { worst: None, violations: 0 };
@@ -110,9 +113,9 @@ impl Summary {
             timeout,
             success_rate: (episodes > 0).then(|| success as f64 / episodes as f64),
             wilson_95: wilson(success, episodes),
-            extra_time: MeanStd::of(&times),
-            extra_distance: MeanStd::of(&distances),
-            average_speed: MeanStd::of(&speeds),
+            extra_time: MeanStd::from_values(&times),
+            extra_distance: MeanStd::from_values(&distances),
+            average_speed: MeanStd::from_values(&speeds),
             distance_check: check,
         }
     }
@@ -137,7 +140,7 @@ mod tests {
         assert_eq!(metrics.extra_distance, Some(8.5 - to_edge));
         assert_eq!(metrics.average_speed, Some(8.5));
         // 8.5 m in 1 s at 2 m/s: the check must see it.
-        let summary = Summary::of(2.0, [(Outcome::Success, &metrics)]);
+        let summary = Summary::from_episodes(2.0, [(Outcome::Success, &metrics)]);
         assert_eq!(summary.distance_check.violations, 1);
         assert!((summary.distance_check.worst.unwrap() - 6.5).abs() < 1e-12);
     }
@@ -146,12 +149,12 @@ mod tests {
     fn a_failure_has_no_extras_and_one_value_no_spread() {
         let failed = EpisodeMetrics::from_positions(&SCALE, Outcome::Timeout, &[[0.0; 2]], [1.0, 0.0]);
         assert_eq!((failed.extra_time, failed.extra_distance, failed.average_speed), (None, None, None));
-        let summary = Summary::of(2.0, [(Outcome::Timeout, &failed)]);
+        let summary = Summary::from_episodes(2.0, [(Outcome::Timeout, &failed)]);
         assert_eq!((summary.timeout, summary.success_rate), (1, Some(0.0)));
         assert_eq!(summary.extra_time, MeanStd { mean: None, std: None });
-        assert_eq!(MeanStd::of(&[2.0]), MeanStd { mean: Some(2.0), std: None });
-        assert_eq!(MeanStd::of(&[1.0, 3.0]), MeanStd { mean: Some(2.0), std: Some(2.0_f64.sqrt()) });
-        assert_eq!(Summary::of(1.0, []).success_rate, None);
+        assert_eq!(MeanStd::from_values(&[2.0]), MeanStd { mean: Some(2.0), std: None });
+        assert_eq!(MeanStd::from_values(&[1.0, 3.0]), MeanStd { mean: Some(2.0), std: Some(2.0_f64.sqrt()) });
+        assert_eq!(Summary::from_episodes(1.0, []).success_rate, None);
     }
 
     #[test]
@@ -163,7 +166,7 @@ mod tests {
         };
         let check = |excesses: &[f64]| {
             let episodes: Vec<_> = excesses.iter().map(|excess| episode(*excess)).collect();
-            Summary::of(2.0, episodes.iter().map(|e| (Outcome::Success, e))).distance_check
+            Summary::from_episodes(2.0, episodes.iter().map(|e| (Outcome::Success, e))).distance_check
         };
         let bearable = check(&[DistanceCheck::TOLERANCE, -3.0]);
         assert_eq!(bearable, DistanceCheck { worst: Some(DistanceCheck::TOLERANCE), violations: 0 });

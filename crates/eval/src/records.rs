@@ -116,7 +116,7 @@ fn parse_records(path: &Path, text: &[u8]) -> Result<RecordFile, EvalError> {
 
 /// Whether a file already answers for a number of episodes of a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Held {
+pub enum Completeness {
     /// There is no such file.
     Missing,
     /// It holds fewer episodes.
@@ -133,14 +133,14 @@ pub enum Held {
 /// # Errors
 ///
 /// As [`read_records`], and [`EvalError::OtherCell`] for a sound file of another cell.
-pub fn holds(path: &Path, key: &CellKey, episodes: u64) -> Result<Held, EvalError> {
+pub fn completeness(path: &Path, key: &CellKey, episodes: u64) -> Result<Completeness, EvalError> {
     if !path.exists() {
-        return Ok(Held::Missing);
+        return Ok(Completeness::Missing);
     }
     let file = read_records(path)?;
     check_cell(path, &file, key)?;
     let held = file.records.len() as u64;
-    Ok(if held >= episodes { Held::Complete } else { Held::Partial { episodes: held } })
+    Ok(if held >= episodes { Completeness::Complete } else { Completeness::Partial { episodes: held } })
 }
 
 fn check_cell(path: &Path, file: &RecordFile, key: &CellKey) -> Result<(), EvalError> {
@@ -269,7 +269,7 @@ pub(crate) mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("cell.ndjson");
         let key = key("p");
-        assert_eq!(holds(&path, &key, 2).unwrap(), Held::Missing);
+        assert_eq!(completeness(&path, &key, 2).unwrap(), Completeness::Missing);
         let (mut writer, held) = RecordWriter::resume(&path, &key).unwrap();
         assert!(held.records.is_empty() && held.torn.is_none());
         let records: Vec<_> = (0..3).map(|k| record(k, &key)).collect();
@@ -279,11 +279,11 @@ pub(crate) mod tests {
         assert!(matches!(RecordWriter::resume(&path, &key), Err(EvalError::Locked { .. })));
         writer.finish().unwrap();
         assert_eq!(read_records(&path).unwrap().records, records[..2]);
-        assert_eq!(holds(&path, &key, 2).unwrap(), Held::Complete);
+        assert_eq!(completeness(&path, &key, 2).unwrap(), Completeness::Complete);
 
         let whole = std::fs::read(&path).unwrap();
         std::fs::write(&path, &whole[..whole.len() - 7]).unwrap();
-        assert_eq!(holds(&path, &key, 2).unwrap(), Held::Partial { episodes: 1 });
+        assert_eq!(completeness(&path, &key, 2).unwrap(), Completeness::Partial { episodes: 1 });
         let (mut writer, held) = RecordWriter::resume(&path, &key).unwrap();
         assert_eq!((held.records.len(), held.torn.is_some()), (1, true));
         for record in &records[1..] {
@@ -308,7 +308,7 @@ pub(crate) mod tests {
         check(line(0) + "no JSON\n" + &line(1), "line 2");
         check(line(1), "line 1: found episode 1, expected 0");
         check(serde_json::to_string(&record(0, &key("q"))).unwrap() + "\n", "holds cell");
-        assert!(matches!(holds(&path, &key("p"), 1), Err(EvalError::OtherCell { .. })));
+        assert!(matches!(completeness(&path, &key("p"), 1), Err(EvalError::OtherCell { .. })));
         let missing = folder.path().join("none").join("cell.ndjson");
         assert!(matches!(RecordWriter::resume(&missing, &key("p")), Err(EvalError::Io { .. })));
     }

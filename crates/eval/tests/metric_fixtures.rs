@@ -127,7 +127,7 @@ fn episodes() {
             close(&case.name, actual.average_speed, expected.average_speed);
         }
         let outcomes = case.episodes.iter().map(|e| e.outcome);
-        let summary = Summary::of(file.v_max, outcomes.zip(&metrics));
+        let summary = Summary::from_episodes(file.v_max, outcomes.zip(&metrics));
         let expected = &case.expected.summary;
         assert_eq!(
             (summary.episodes, summary.success, summary.collision_wall, summary.collision_pedestrian),

@@ -6,7 +6,7 @@ use common::{brief, pools, seek, untrained};
 use jostle_arena::{
     ArenaConfig, ArenaError, Outcome, PerRow, PolicyIdentity, Pools, Robot, RobotPolicy as _, TrainedRobot,
 };
-use jostle_eval::records::{Held, holds};
+use jostle_eval::records::{Completeness, completeness};
 use jostle_eval::{CellRun, Protocol, Subject};
 use jostle_peds::CrowdKind;
 
@@ -106,14 +106,17 @@ fn a_file_is_reused_and_continued_to_the_same_bytes() {
     assert_eq!(evaluate("parts", 5).reused, 0);
     let text = std::fs::read(folder.path().join("parts")).unwrap();
     std::fs::write(folder.path().join("parts"), &text[..text.len() - 3]).unwrap();
-    assert_eq!(holds(&folder.path().join("parts"), &key, 5).unwrap(), Held::Partial { episodes: 4 });
+    assert_eq!(
+        completeness(&folder.path().join("parts"), &key, 5).unwrap(),
+        Completeness::Partial { episodes: 4 }
+    );
     let continued = evaluate("parts", 12);
     assert_eq!((continued.reused, continued.repaired.is_some()), (4, true));
     let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
     assert!(read("whole") == read("parts"), "a continued file differs from one written at once");
     let shorter = evaluate("whole", 7);
     assert_eq!((shorter.reused, shorter.records.len()), (7, 7));
-    assert_eq!(holds(&folder.path().join("whole"), &key, 12).unwrap(), Held::Complete);
+    assert_eq!(completeness(&folder.path().join("whole"), &key, 12).unwrap(), Completeness::Complete);
 }
 
 #[test]

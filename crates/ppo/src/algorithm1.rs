@@ -259,11 +259,11 @@ impl Trainer {
         self.critic.adam.set_learning_rate(learning_rate);
         // Alg. 1, line 11: π_old is the log-probabilities that the rollout keeps.
         let Self { config, streams, rollout, actor, critic, q_state_action, q_state, .. } = self;
-        let lesson = Lesson { config, streams, rollout, update: self.update };
+        let context = UpdateContext { config, streams, rollout, update: self.update };
         let ((policy, value), (sa, s)) = rayon::join(
-            || rayon::join(|| lesson.improve_policy(actor), || lesson.fit_value(critic)), // Alg. 1, lines 13–21
+            || rayon::join(|| context.improve_policy(actor), || context.fit_value(critic)), // Alg. 1, lines 13–21
             || {
-                let noisy = |q: &mut Learner, rows| lesson.fit_discriminator(q, rows); // Alg. 1, lines 22–26
+                let noisy = |q: &mut Learner, rows| context.fit_discriminator(q, rows); // Alg. 1, lines 22–26
                 rayon::join(
                     || noisy(q_state_action, &self.state_action),
                     || noisy(q_state, rollout.observations()),
@@ -452,14 +452,14 @@ impl Trainer {
 
 /// What the four learners share while they learn from one rollout.
 #[derive(Clone, Copy)]
-struct Lesson<'a> {
+struct UpdateContext<'a> {
     config: &'a Config,
     streams: &'a Streams,
     rollout: &'a Rollout,
     update: u64,
 }
 
-impl Lesson<'_> {
+impl UpdateContext<'_> {
     /// Lines 13–17. Returns the surrogate's mean over all minibatches, KL and clip fraction over the last epoch's, and
     /// the ratio's deviation in the first minibatch.
     fn improve_policy(&self, actor: &mut Learner) -> Result<PolicyLoss, PpoError> {

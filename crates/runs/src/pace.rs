@@ -15,7 +15,7 @@ pub struct Pace {
 
 impl Pace {
     /// Of a run that is to have `updates` updates, by its last `window` ones.
-    pub fn of(log: &RunLog, updates: u64, window: usize) -> Self {
+    pub fn new(log: &RunLog, updates: u64, window: usize) -> Self {
         let made = log.reports.len();
         let seconds = log.mean(made, window, |report| Some(report.clock.total)).filter(|&mean| mean > 0.0);
         let missing = updates.saturating_sub(made as u64) as f64;

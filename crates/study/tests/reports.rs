@@ -20,7 +20,7 @@ fn filled() -> SuccessTable {
         let subject = Subject { identity: &identity, token: 0 };
         let cells = [CrowdKind::Vo, CrowdKind::Nh].map(|crowd| {
             let run = protocol.evaluate(&mut PerRow::new(seek), subject, crowd, 4, None, |_| ()).unwrap();
-            let versus_baseline = (row == 1).then(|| Comparison::of(&run.records, &run.records).unwrap());
+            let versus_baseline = (row == 1).then(|| Comparison::new(&run.records, &run.records).unwrap());
             CellResult { versus_baseline, ..run.result }
         });
         table.rows[row].cells = cells.to_vec();

@@ -244,12 +244,12 @@ impl<'p> Table<'p> {
             row.push(if averages.is_empty() { dash() } else { format!("{mean:.3}") });
             row.push(if averages.is_empty() { dash() } else { format!("{:.3}–{:.3}", ends.0, ends.1) });
             let negated: Vec<f64> = first.iter().map(|average| -average).collect();
-            let contrast = (index > 0).then(|| Contrast::of(&[averages.clone(), negated])).flatten();
+            let contrast = (index > 0).then(|| Contrast::from_groups(&[averages.clone(), negated])).flatten();
             row.push(contrast.map_or_else(dash, |contrast| {
                 let ends = contrast.interval(LEVEL);
                 format!("{:+.3} ({:+.3} to {:+.3})", contrast.estimate, ends.low, ends.high)
             }));
-            let permutation = contrast.and_then(|_| Permutation::of(averages, first));
+            let permutation = contrast.and_then(|_| Permutation::new(averages, first));
             row.push(permutation.map_or_else(dash, |test| format!("{:.2} ({:.2})", test.p, test.least_p)));
             grid.push(false, row);
         }

@@ -26,7 +26,7 @@ pub(super) fn table(plan: &Plan) -> Result<String> {
             row.extend(["–", "–", "–"].map(str::to_owned));
         } else {
             let log = RunLog::read(&task.folder)?;
-            let pace = Pace::of(&log, task.config.updates, plan.window);
+            let pace = Pace::new(&log, task.config.updates, plan.window);
             let success = log.success(log.reports.len(), plan.window);
             row.extend([
                 pace.host_if(stage == Stage::Running),

@@ -24,7 +24,7 @@ pub struct Comparison {
 
 impl Comparison {
     /// Compares two lists of records; `None` unless both hold the same number of episodes.
-    pub fn of(baseline: &[EpisodeRecord], records: &[EpisodeRecord]) -> Option<Self> {
+    pub fn new(baseline: &[EpisodeRecord], records: &[EpisodeRecord]) -> Option<Self> {
         let successes = |records: &[EpisodeRecord]| -> Vec<bool> {
             records.iter().map(|record| record.outcome == Outcome::Success).collect()
         };
@@ -70,7 +70,7 @@ impl CellResult {
         Self {
             crowd: crowd.into(),
             cell,
-            summary: Summary::of(scale.v_max, episodes),
+            summary: Summary::from_episodes(scale.v_max, episodes),
             driving,
             pool,
             versus_baseline: None,

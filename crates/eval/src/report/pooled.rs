@@ -34,7 +34,7 @@ impl SeedValue {
 
     /// A mean over episodes, with Student's interval.
     pub fn mean(seed: u64, values: &[f64]) -> Self {
-        let summary = crate::metrics::MeanStd::of(values);
+        let summary = crate::metrics::MeanStd::from_values(values);
         let n = values.len() as f64;
         let interval = summary.mean.zip(summary.std).map(|(mean, std)| {
             let half = student::critical(0.95, n - 1.0) * std / n.sqrt();
@@ -65,13 +65,13 @@ pub struct PooledCell {
 
 impl PooledCell {
     /// Pools seeds; a rate's interval is cut at 0 and 1.
-    pub fn of(seeds: Vec<SeedValue>, is_rate: bool) -> Self {
+    pub fn from_seeds(seeds: Vec<SeedValue>, is_rate: bool) -> Self {
         let values: Vec<f64> = seeds.iter().filter_map(|seed| seed.value).collect();
         let mean =
             |values: &[f64]| (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64);
         let interval = match &seeds[..] {
             [one] => one.interval,
-            _ => Contrast::of(std::slice::from_ref(&values)).map(|contrast| contrast.interval(0.95)),
+            _ => Contrast::from_groups(std::slice::from_ref(&values)).map(|contrast| contrast.interval(0.95)),
         };
         let interval = interval.map(|ends| {
             if is_rate { Interval { low: ends.low.max(0.0), high: ends.high.min(1.0) } } else { ends }
@@ -101,7 +101,7 @@ impl PooledCell {
             let episodes = of_seed.iter().map(|seed| seed.episodes).sum();
             Some(SeedValue { seed: of_seed[0].seed, value: Some(value), std: None, interval, episodes })
         });
-        Some(Self::of(seeds.collect::<Option<_>>()?, true))
+        Some(Self::from_seeds(seeds.collect::<Option<_>>()?, true))
     }
 }
 
@@ -394,7 +394,7 @@ mod tests {
         let identity =
             |seed| PolicyIdentity { seed: Some(seed), ..PolicyIdentity::custom("m", &format!("{seed}")) };
         let seeds = vec![SeedValue::rate(1, 50, 100), SeedValue::rate(2, 70, 100)];
-        let cell = PooledCell::of(seeds, true);
+        let cell = PooledCell::from_seeds(seeds, true);
         let row = |labels: &str, cells, sources| PooledRow {
             labels: vec![labels.to_owned()],
             cells,
@@ -425,11 +425,12 @@ mod tests {
 
     #[test]
     fn seeds_are_pooled_by_their_means() {
-        let cell = PooledCell::of(vec![SeedValue::rate(1, 50, 100), SeedValue::rate(2, 70, 100)], true);
+        let cell =
+            PooledCell::from_seeds(vec![SeedValue::rate(1, 50, 100), SeedValue::rate(2, 70, 100)], true);
         assert!((cell.value.unwrap() - 0.6).abs() < 1e-12);
         // t(0.975; 1) · 0.1 = 1.27: cut at both ends.
         assert_eq!(cell.interval, Some(Interval { low: 0.0, high: 1.0 }));
-        let one = PooledCell::of(vec![SeedValue::rate(1, 50, 100)], true);
+        let one = PooledCell::from_seeds(vec![SeedValue::rate(1, 50, 100)], true);
         assert_eq!(one.interval, wilson(50, 100));
         let mean = SeedValue::mean(1, &[1.0, 2.0, 3.0]);
         assert_eq!((mean.value, mean.std), (Some(2.0), Some(1.0)));
@@ -440,7 +441,7 @@ mod tests {
 
     #[test]
     fn an_average_of_one_seed_has_the_interval_of_its_episodes() {
-        let cell = PooledCell::of(vec![SeedValue::rate(1, 50, 100)], true);
+        let cell = PooledCell::from_seeds(vec![SeedValue::rate(1, 50, 100)], true);
         let average = PooledCell::average(&[Some(&cell), Some(&cell), Some(&cell), Some(&cell)]).unwrap();
         let (one, four) = (cell.interval.unwrap(), average.interval.unwrap());
         assert!(((one.high - one.low) / (four.high - four.low) - 2.0).abs() < 1e-9);
@@ -476,7 +477,7 @@ mod tests {
     fn a_planners_row_is_marked_and_has_no_seeds() {
         let mut table = table();
         let identity = PolicyIdentity::custom("dwa", "1");
-        let cell = PooledCell::of(vec![SeedValue::rate(0, 90, 100)], true);
+        let cell = PooledCell::from_seeds(vec![SeedValue::rate(0, 90, 100)], true);
         table.rows.push(PooledRow {
             labels: vec!["dwa".to_owned()],
             cells: vec![Some(cell.clone()), PooledCell::average(&[Some(&cell)])],

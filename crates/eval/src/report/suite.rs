@@ -243,7 +243,8 @@ mod tests {
             .map(|k| if k < success { Outcome::Success } else { Outcome::Timeout })
             .map(|outcome| (outcome, EpisodeMetrics::from_totals(&scale, outcome, 120, 11.0, 10.0)))
             .collect();
-        let summary = Summary::of(1.0, episodes.iter().map(|(outcome, metrics)| (*outcome, metrics)));
+        let summary =
+            Summary::from_episodes(1.0, episodes.iter().map(|(outcome, metrics)| (*outcome, metrics)));
         CellResult {
             crowd: crowd.into(),
             cell: "c".into(),

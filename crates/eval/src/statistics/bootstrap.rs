@@ -171,7 +171,7 @@ mod tests {
             let rounds: Vec<Vec<Vec<f64>>> =
                 groups.iter().map(|group| group.iter().map(|values| draws.means(values)).collect()).collect();
             let holds = |interval: Interval| interval.low <= 0.0 && 0.0 <= interval.high;
-            let welch = holds(Contrast::of(&by_seed).unwrap().interval(0.95));
+            let welch = holds(Contrast::from_groups(&by_seed).unwrap().interval(0.95));
             let bootstrap = holds(percentile_interval(&over_seeds(&rounds), 0.95).unwrap());
             // A verdict needs both intervals off 0.
             for (count, holds) in held.iter_mut().zip([welch, bootstrap, welch || bootstrap]) {

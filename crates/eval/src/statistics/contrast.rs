@@ -28,7 +28,7 @@ impl Contrast {
     /// # References
     ///
     /// B. L. Welch, Biometrika 34 (1947) 28, doi:10.1093/biomet/34.1-2.28.
-    pub fn of(groups: &[Vec<f64>]) -> Option<Self> {
+    pub fn from_groups(groups: &[Vec<f64>]) -> Option<Self> {
         let (mut estimate, mut variance, mut denominator) = (0.0, 0.0, 0.0);
         for group in groups {
             if group.len() < 2 {
@@ -72,7 +72,7 @@ pub struct Permutation {
 
 impl Permutation {
     /// Two-sided test of equal means; `None` for an empty group or for too many ways.
-    pub fn of(first: &[f64], second: &[f64]) -> Option<Self> {
+    pub fn new(first: &[f64], second: &[f64]) -> Option<Self> {
         let (n, total) = (first.len(), first.len() + second.len());
         if first.is_empty() || second.is_empty() || total > 24 {
             return None;
@@ -108,7 +108,7 @@ mod tests {
     #[test]
     fn a_difference_by_hand() {
         // Means 2 and 5, variances 1 and 4, n = 3 each: SE² = 1/3 + 4/3, df = (5/3)²/((1/9 + 16/9)/2).
-        let contrast = Contrast::of(&[vec![-1.0, -2.0, -3.0], vec![3.0, 5.0, 7.0]]).unwrap();
+        let contrast = Contrast::from_groups(&[vec![-1.0, -2.0, -3.0], vec![3.0, 5.0, 7.0]]).unwrap();
         assert_eq!(contrast.estimate, 3.0);
         assert!((contrast.standard_error - (5.0_f64 / 3.0).sqrt()).abs() < 1e-15);
         assert!((contrast.df.unwrap() - 50.0 / 17.0).abs() < 1e-12);
@@ -121,22 +121,22 @@ mod tests {
 
     #[test]
     fn one_seed_has_no_spread_and_equal_seeds_a_point() {
-        assert_eq!(Contrast::of(&[vec![1.0, 2.0], vec![1.0]]), None);
-        assert_eq!(Contrast::of(&[]), None);
-        let point = Contrast::of(&[vec![0.5, 0.5]]).unwrap();
+        assert_eq!(Contrast::from_groups(&[vec![1.0, 2.0], vec![1.0]]), None);
+        assert_eq!(Contrast::from_groups(&[]), None);
+        let point = Contrast::from_groups(&[vec![0.5, 0.5]]).unwrap();
         assert_eq!((point.df, point.interval(0.95)), (None, Interval { low: 0.5, high: 0.5 }));
         // A group that does not vary adds nothing to the degrees of freedom.
-        let with_constant = Contrast::of(&[vec![0.0, 0.0], vec![1.0, 2.0, 3.0]]).unwrap();
+        let with_constant = Contrast::from_groups(&[vec![0.0, 0.0], vec![1.0, 2.0, 3.0]]).unwrap();
         assert!((with_constant.df.unwrap() - 2.0).abs() < 1e-12);
     }
 
     #[test]
     fn three_against_three_cannot_be_significant() {
-        let test = Permutation::of(&[1.0, 2.0, 3.0], &[7.0, 8.0, 9.0]).unwrap();
+        let test = Permutation::new(&[1.0, 2.0, 3.0], &[7.0, 8.0, 9.0]).unwrap();
         assert_eq!((test.p, test.least_p), (0.1, 0.1));
         // Of the 6 splits of {1, 2, 3, 4} into pairs, {1, 3} and {2, 4} are as extreme as observed, {1, 2} and {3, 4} more.
-        let test = Permutation::of(&[1.0, 3.0], &[2.0, 4.0]).unwrap();
+        let test = Permutation::new(&[1.0, 3.0], &[2.0, 4.0]).unwrap();
         assert_eq!((test.p, test.least_p), (4.0 / 6.0, 2.0 / 6.0));
-        assert_eq!(Permutation::of(&[], &[1.0]), None);
+        assert_eq!(Permutation::new(&[], &[1.0]), None);
     }
 }

@@ -92,22 +92,22 @@ pub struct ClaimHead {
 
 /// Tests every claim on the study.
 pub fn test_claims(study: &Study, claims: &[Claim]) -> Vec<ClaimResult> {
-    let mut bench = Bench { study, draws: BTreeMap::new(), means: BTreeMap::new() };
-    claims.iter().map(|claim| bench.claim(claim)).collect()
+    let mut tester = ClaimTester { study, draws: BTreeMap::new(), means: BTreeMap::new() };
+    claims.iter().map(|claim| tester.claim(claim)).collect()
 }
 
 /// Key of a seed's bootstrap means: row, seed's index, site, measure.
 type SeriesKey = (String, usize, String, Measure);
 
 /// The study with the bootstrap means that several parts share.
-struct Bench<'a> {
+struct ClaimTester<'a> {
     study: &'a Study,
     /// By number of episodes.
     draws: BTreeMap<usize, EpisodeDraws>,
     means: BTreeMap<SeriesKey, Vec<f64>>,
 }
 
-impl Bench<'_> {
+impl ClaimTester<'_> {
     fn claim(&mut self, claim: &Claim) -> ClaimResult {
         let n_parts = claim.parts.len();
         let parts: Vec<PartResult> = claim.parts.iter().map(|part| self.part(part, n_parts)).collect();
@@ -167,12 +167,12 @@ impl Bench<'_> {
         if let [first, second] = &values[..] {
             // Equal means of the two rows are equal values when the second's sign is turned.
             let turned: Vec<f64> = second.iter().map(|value| -value).collect();
-            result.permutation = Permutation::of(first, &turned);
+            result.permutation = Permutation::new(first, &turned);
         }
         result.pairs = self.pairs(part);
         let rounds = self.rounds(part);
         result.bootstrap = rounds.as_deref().and_then(|rounds| percentile_interval(rounds, LEVEL));
-        let Some(contrast) = Contrast::of(&values) else {
+        let Some(contrast) = Contrast::from_groups(&values) else {
             result.verdict = Verdict::NotConfirmed;
             result.reason =
                 Some("one training seed in a row: nothing is known of other trainings".to_owned());

@@ -10,7 +10,7 @@ use jostle_eval::driving::{Driven, DrivingSummary};
 use jostle_eval::report::{PooledCell, PooledRow, PooledTable, SeedValue, Source};
 use jostle_peds::CrowdKind;
 
-use super::bench::Bench;
+use super::evaluator::RowEvaluator;
 use super::plan::ROWS;
 
 /// Rows of the table of how robots drive.
@@ -19,8 +19,8 @@ const DRIVERS: [&str; 3] = ["m1", "m5", "strong"];
 const ROW: &str = "m5";
 
 /// Success of every token in every crowd.
-pub(super) fn tokens(bench: &mut Bench) -> Result<PooledTable> {
-    let found = bench.row(ROW)?.found.clone();
+pub(super) fn tokens(evaluator: &mut RowEvaluator) -> Result<PooledTable> {
+    let found = evaluator.row(ROW)?.found.clone();
     let n_behaviours = found.iter().map(|policy| policy.policy.file.network.n_behaviours).max().unwrap_or(0);
     let sources: Vec<Source> = found.iter().map(super::policies::Found::source).collect();
     let mut rows = Vec::new();
@@ -29,11 +29,11 @@ pub(super) fn tokens(bench: &mut Bench) -> Result<PooledTable> {
         for crowd in CrowdKind::PAPER {
             let mut seeds = Vec::new();
             for policy in &found {
-                let episodes = bench.crowd(policy, token, crowd, None)?;
+                let episodes = evaluator.crowd(policy, token, crowd, None)?;
                 let successes = episodes.iter().filter(|episode| episode.outcome == Outcome::Success).count();
                 seeds.push(SeedValue::rate(policy.seed, successes as u64, episodes.len() as u64));
             }
-            cells.push(Some(PooledCell::of(seeds, true)));
+            cells.push(Some(PooledCell::from_seeds(seeds, true)));
         }
         cells.push(PooledCell::average(&cells.iter().map(Option::as_ref).collect::<Vec<_>>()));
         rows.push(row(vec![token.to_string()], cells, &sources));
@@ -48,16 +48,16 @@ pub(super) fn tokens(bench: &mut Bench) -> Result<PooledTable> {
             "The paper tests z = 0 alone; nothing in training makes tokens of different seeds alike, so that pooling a token \
              over seeds shows whether the index matters (it should not). The CSV has every seed."
                 .to_owned(),
-            format!("{} episodes a cell and seed.", bench.episodes()),
+            format!("{} episodes a cell and seed.", evaluator.episodes()),
         ],
     })
 }
 
 /// Shares of the four ends of an episode, for every row that has policies.
-pub(super) fn outcomes(bench: &mut Bench) -> Result<PooledTable> {
+pub(super) fn outcomes(evaluator: &mut RowEvaluator) -> Result<PooledTable> {
     let mut rows = Vec::new();
     for spec in &ROWS {
-        let evaluated = bench.row(spec.name)?;
+        let evaluated = evaluator.row(spec.name)?;
         let sources: Vec<Source> = evaluated.found.iter().map(super::policies::Found::source).collect();
         if sources.is_empty() {
             continue;
@@ -69,7 +69,7 @@ pub(super) fn outcomes(bench: &mut Bench) -> Result<PooledTable> {
                     let count = episodes.iter().filter(|episode| episode.outcome == outcome).count();
                     SeedValue::rate(run.seed, count as u64, episodes.len() as u64)
                 });
-                Some(PooledCell::of(seeds.collect(), true))
+                Some(PooledCell::from_seeds(seeds.collect(), true))
             });
             let end = match outcome {
                 Outcome::Success => "success",
@@ -86,14 +86,14 @@ pub(super) fn outcomes(bench: &mut Bench) -> Result<PooledTable> {
         label_heads: ["row", "end"].map(str::to_owned).to_vec(),
         columns: CrowdKind::PAPER.map(|crowd| crowd.name().to_owned()).to_vec(),
         rows,
-        notes: vec![format!("Shares of {} episodes a cell and seed.", bench.episodes())],
+        notes: vec![format!("Shares of {} episodes a cell and seed.", evaluator.episodes())],
     })
 }
 
 /// How the robot drives, over the six crowds together, for every row that has policies and every planner.
-pub(super) fn driving(bench: &mut Bench) -> Result<PooledTable> {
+pub(super) fn driving(evaluator: &mut RowEvaluator) -> Result<PooledTable> {
     let scale = jostle_arena::room::metric_scale(&ArenaConfig {
-        sim: bench.policies.sim(),
+        sim: evaluator.policies.sim(),
         ..ArenaConfig::default()
     });
     let measured = |episodes: &mut dyn Iterator<Item = &Vec<CompactEpisode>>| {
@@ -111,12 +111,12 @@ pub(super) fn driving(bench: &mut Bench) -> Result<PooledTable> {
         };
         let columns = 0..DrivingSummary::EMPTY.columns().len();
         columns
-            .map(|i| Some(PooledCell::of(seeds.iter().map(|seed| value(seed, i)).collect(), false)))
+            .map(|i| Some(PooledCell::from_seeds(seeds.iter().map(|seed| value(seed, i)).collect(), false)))
             .collect()
     };
     let mut rows = Vec::new();
     for name in DRIVERS {
-        let evaluated = bench.row(name)?;
+        let evaluated = evaluator.row(name)?;
         let sources: Vec<Source> = evaluated.found.iter().map(super::policies::Found::source).collect();
         if sources.is_empty() {
             continue;
@@ -129,7 +129,7 @@ pub(super) fn driving(bench: &mut Bench) -> Result<PooledTable> {
         rows.push(row(vec![name.to_owned()], cells(seeds), &sources));
     }
     for planner in Planner::IN_TABLES {
-        let sites = bench.planner(planner, 5)?;
+        let sites = evaluator.planner(planner, 5)?;
         let summary = measured(&mut sites.values());
         let source = Source { policy: planner.identity(), wall_seconds: None };
         let of_planner = row(vec![planner.label()], cells(vec![(0, summary)]), &[source]);
@@ -145,7 +145,7 @@ pub(super) fn driving(bench: &mut Bench) -> Result<PooledTable> {
             format!(
                 "All six crowds together, {} episodes a crowd and seed, N = 5; mean over training seeds with Student's interval. \
                  docs/metrics.md has the formulas and their sources.",
-                bench.episodes()
+                evaluator.episodes()
             ),
             "A dash: an episode of the row was stored before there was such a value; `cargo xtask reproduce beyond --fresh` drives \
              them again and keeps it."

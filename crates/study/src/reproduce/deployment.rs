@@ -9,8 +9,8 @@ use jostle_eval::protocol::Protocol;
 use jostle_peds::CrowdKind;
 use jostle_sim::{AccelerationLimits, SimConfig};
 
-use super::bench::TOKEN;
 use super::cells::{Cells, Wanted};
+use super::evaluator::TOKEN;
 use super::policies::Found;
 use jostle_runs::provenance::workspace;
 

@@ -1,15 +1,15 @@
 //! `cargo xtask reproduce`: the paper's tables and figures beside its figures, from shipped policies or from nothing.
 //!
 //! Reading order: this file (what is asked for), [`plan`] (rows and their training settings), [`policies`] (where policies
-//! come from), [`cells`] (episodes, each cell run once), [`mod@bench`] (the study), [`tables`], [`planners`], [`deployment`], [`beyond`],
+//! come from), [`cells`] (episodes, each cell run once), [`evaluator`] (the study), [`tables`], [`planners`], [`deployment`], [`beyond`],
 //! [`curves`], [`paths`] (what is printed), [`training`] and [`hours`] (`--train`), [`page`] (docs/reproduction.md, README.md). The small
 //! preset, which trains everything within minutes, is a thing of its own: [`small`].
 
-mod bench;
 mod beyond;
 mod cells;
 mod curves;
 mod deployment;
+mod evaluator;
 mod hours;
 mod overview;
 mod page;
@@ -35,7 +35,7 @@ use clap::{Args, ValueEnum};
 use jostle_eval::report::PooledTable;
 use jostle_ppo::Config;
 
-use self::bench::Bench;
+use self::evaluator::RowEvaluator;
 use self::hours::Rate;
 use self::plan::{Plan, ROWS, row_spec};
 use self::policies::Policies;
@@ -62,7 +62,7 @@ pub trait Trainings {
 }
 
 /// Makes a table of a study.
-type Table = fn(&mut Bench) -> Result<PooledTable>;
+type Table = fn(&mut RowEvaluator) -> Result<PooledTable>;
 
 /// Arguments of `reproduce`.
 #[derive(Args)]
@@ -212,7 +212,7 @@ fn study(
     }
     let checkpoints = args.checkpoints.clone().unwrap_or_else(manifest::default_folder);
     let policies = Policies::new(plan.clone(), &checkpoints, &args.runs, trained)?;
-    let mut bench = Bench::new(policies, results, args.fresh, args.episodes)?;
+    let mut evaluator = RowEvaluator::new(policies, results, args.fresh, args.episodes)?;
     let is = |one: Target| target == one || target == Target::All;
     let tables: [(Target, Table); 9] = [
         (Target::Table1, tables::table_1),
@@ -226,21 +226,21 @@ fn study(
         (Target::Beyond, beyond::driving),
     ];
     for (_, table) in tables.into_iter().filter(|(of, _)| is(*of)) {
-        let table = table(&mut bench)?;
+        let table = table(&mut evaluator)?;
         store_table(results, &table)?;
         output::result(&(table.text() + "\n"))?;
     }
     if is(Target::Claims) {
-        verdicts_of(&mut bench, results)?;
+        verdicts_of(&mut evaluator, results)?;
     }
     if is(Target::FigureLoss) {
-        figure_loss(&bench, &plan, results)?;
+        figure_loss(&evaluator, &plan, results)?;
     }
     if is(Target::FigurePaths) {
-        figure_paths(&mut bench, results)?;
+        figure_paths(&mut evaluator, results)?;
     }
-    bench.cells.describe();
-    not_trained(&bench, &plan, n_threads)
+    evaluator.cells.describe();
+    not_trained(&evaluator, &plan, n_threads)
 }
 
 /// Writes a table in all its forms.
@@ -253,14 +253,14 @@ fn store_table(results: &Path, table: &PooledTable) -> Result<()> {
 }
 
 /// Tests the claims on all rows.
-fn verdicts_of(bench: &mut Bench, results: &Path) -> Result<()> {
+fn verdicts_of(evaluator: &mut RowEvaluator, results: &Path) -> Result<()> {
     for row in &ROWS {
-        bench.row_with_diversity(row.name)?;
+        evaluator.row_with_diversity(row.name)?;
     }
     for row in Target::Table5.rows() {
-        bench.row_at(row, deployment::run)?;
+        evaluator.row_at(row, deployment::run)?;
     }
-    let results_of = test_claims(&bench.study(), &claims());
+    let results_of = test_claims(&evaluator.study(), &claims());
     let path = |extension: &str| results.join(format!("claims.{extension}"));
     write_atomically(&path("md"), &verdicts::markdown(&results_of))?;
     write_atomically(&path("csv"), &verdicts::csv(&results_of))?;
@@ -275,16 +275,16 @@ struct Figure {
     svg: String,
 }
 
-fn figure_loss(bench: &Bench, plan: &Plan, results: &Path) -> Result<()> {
+fn figure_loss(evaluator: &RowEvaluator, plan: &Plan, results: &Path) -> Result<()> {
     let n_behaviours = plan.run(curves::VARIANT, 1).n_behaviours;
-    match curves::figure(&bench.policies.curves(curves::VARIANT)?, n_behaviours)? {
+    match curves::figure(&evaluator.policies.curves(curves::VARIANT)?, n_behaviours)? {
         Some(figure) => store_figure(results, "figure-loss", &figure),
         None => output::result("figure-loss: no run of the row m5 has been trained yet\n"),
     }
 }
 
-fn figure_paths(bench: &mut Bench, results: &Path) -> Result<()> {
-    let found = bench.policies.of("m5", row_spec("m5").updates)?;
+fn figure_paths(evaluator: &mut RowEvaluator, results: &Path) -> Result<()> {
+    let found = evaluator.policies.of("m5", row_spec("m5").updates)?;
     match found.first() {
         Some(first) => store_figure(results, "figure-paths", &paths::figure(first)?),
         None => output::result("figure-paths: no policy of the row m5 has been trained yet\n"),
@@ -301,8 +301,8 @@ fn store_figure(results: &Path, name: &str, figure: &Figure) -> Result<()> {
 }
 
 /// Names the rows without a policy, with the command and the hours that they take here.
-fn not_trained(bench: &Bench, plan: &Plan, n_threads: usize) -> Result<()> {
-    let missing: BTreeSet<&str> = bench.missing().into_iter().map(|row| row_spec(row).variant).collect();
+fn not_trained(evaluator: &RowEvaluator, plan: &Plan, n_threads: usize) -> Result<()> {
+    let missing: BTreeSet<&str> = evaluator.missing().into_iter().map(|row| row_spec(row).variant).collect();
     if missing.is_empty() {
         return Ok(());
     }

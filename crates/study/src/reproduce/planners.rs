@@ -12,7 +12,7 @@ use jostle_eval::report::{PooledCell, PooledRow, SeedValue, Source};
 use jostle_eval::statistics::PairedCounts;
 use jostle_peds::CrowdKind;
 
-use super::bench::Bench;
+use super::evaluator::RowEvaluator;
 
 /// What has to be said where there are rows of planners.
 pub(super) const NOTE: &str = "planner: not learned and not of the paper (docs/planners.md), on the same episodes. 95 %: Wilson's \
@@ -38,10 +38,10 @@ impl Reference {
     }
 
     /// M = 1 and M = 5, tested among so many agents; rows without a policy are left out.
-    pub(super) fn pair(bench: &mut Bench, rows: [&'static str; 2]) -> Result<Vec<Self>> {
+    pub(super) fn pair(evaluator: &mut RowEvaluator, rows: [&'static str; 2]) -> Result<Vec<Self>> {
         let mut references = Vec::new();
         for (name, row) in ["M = 1", "M = 5"].into_iter().zip(rows) {
-            references.extend(Self::new(name, &bench.row(row)?.row));
+            references.extend(Self::new(name, &evaluator.row(row)?.row));
         }
         Ok(references)
     }
@@ -49,14 +49,14 @@ impl Reference {
 
 /// Success of all planners among the six crowds.
 pub(super) fn success_rows(
-    bench: &mut Bench,
+    evaluator: &mut RowEvaluator,
     n_agents: usize,
     labels: impl Fn(Planner) -> Vec<String>,
     references: &[Reference],
 ) -> Result<Vec<PooledRow>> {
     let mut rows = Vec::new();
     for planner in Planner::IN_TABLES {
-        let sites = bench.planner(planner, n_agents)?;
+        let sites = evaluator.planner(planner, n_agents)?;
         let crowds = CrowdKind::PAPER.each_ref().map(CrowdKind::name);
         let mut cells = cells(sites, &crowds, Measure::Success);
         cells.push(PooledCell::average(&cells.iter().map(Option::as_ref).collect::<Vec<_>>()));
@@ -67,10 +67,14 @@ pub(super) fn success_rows(
 }
 
 /// A measure of all planners among the six crowds, without a comparison.
-pub(super) fn measure_rows(bench: &mut Bench, label: &str, measure: Measure) -> Result<Vec<PooledRow>> {
+pub(super) fn measure_rows(
+    evaluator: &mut RowEvaluator,
+    label: &str,
+    measure: Measure,
+) -> Result<Vec<PooledRow>> {
     let mut rows = Vec::new();
     for planner in Planner::IN_TABLES {
-        let sites = bench.planner(planner, 5)?;
+        let sites = evaluator.planner(planner, 5)?;
         let cells = cells(sites, &CrowdKind::PAPER.each_ref().map(CrowdKind::name), measure);
         rows.push(row(planner, vec![label.to_owned(), planner.label()], cells, None));
     }
@@ -123,7 +127,7 @@ fn cells(sites: &Sites, names: &[&str], measure: Measure) -> Vec<Option<PooledCe
         } else {
             SeedValue::mean(0, &episodes.iter().filter_map(|episode| measure.of(episode)).collect::<Vec<_>>())
         };
-        Some(PooledCell::of(vec![value], measure == Measure::Success))
+        Some(PooledCell::from_seeds(vec![value], measure == Measure::Success))
     };
     names.iter().map(cell).collect()
 }

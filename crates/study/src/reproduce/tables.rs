@@ -11,8 +11,8 @@ use jostle_eval::metrics::Summary;
 use jostle_eval::report::{PooledCell, PooledRow, PooledTable, SeedValue};
 use jostle_peds::CrowdKind;
 
-use super::bench::{Bench, Evaluated};
 use super::deployment;
+use super::evaluator::{Evaluated, RowEvaluator};
 use super::plan::{STRONG, row_spec};
 use super::planners::{self, Reference, own_label};
 
@@ -42,60 +42,74 @@ const POOLED: &str = "against dwa: difference of success; in brackets the episod
 const BAR: Planner = Planner::Dwa;
 
 /// Success against the number of behaviours.
-pub(super) fn table_1(bench: &mut Bench) -> Result<PooledTable> {
+pub(super) fn table_1(evaluator: &mut RowEvaluator) -> Result<PooledTable> {
     let mut rows = Vec::new();
     for (of_paper, name) in paper::TABLE_1.iter().zip(ROWS_1) {
         let labels = [of_paper.n_behaviours, of_paper.updates, of_paper.updates / of_paper.n_behaviours];
         let labels = labels.map(|label| label.to_string()).to_vec();
-        rows.push(success_row(bench.row(name)?, name, labels, of_paper.rates, of_paper.average, "table1"));
+        rows.push(success_row(
+            evaluator.row(name)?,
+            name,
+            labels,
+            of_paper.rates,
+            of_paper.average,
+            "table1",
+        ));
     }
-    let references = Reference::pair(bench, ["m1", "m5"])?;
-    rows.extend(planners::success_rows(bench, 5, |planner| own_label(planner, 3), &references)?);
+    let references = Reference::pair(evaluator, ["m1", "m5"])?;
+    rows.extend(planners::success_rows(evaluator, 5, |planner| own_label(planner, 3), &references)?);
     let title = "Table 1. Success rate against the number of behaviours M";
-    let mut table = success_table(bench, "table1", title, &["M", "updates", "updates/M"], rows);
+    let mut table = success_table(evaluator, "table1", title, &["M", "updates", "updates/M"], rows);
     table.notes.push(planners::NOTE.to_owned());
     table.notes.push(PAIRED.to_owned());
     Ok(table)
 }
 
 /// Success of the policy that is meant to be used, trained beyond the paper's setting. Not of the paper.
-pub(super) fn table_strong(bench: &mut Bench) -> Result<PooledTable> {
+pub(super) fn table_strong(evaluator: &mut RowEvaluator) -> Result<PooledTable> {
     let crowds = CrowdKind::PAPER.each_ref().map(CrowdKind::name);
     let mut rows = Vec::new();
     for name in ROWS_STRONG {
         let n_agents = row_spec(name).n_agents.expect("the strong rows name their number of agents");
         let labels = |robot: String| vec![n_agents.to_string(), robot];
-        let bar = bench.planner(BAR, n_agents)?.clone();
-        let evaluated = bench.row(name)?;
+        let bar = evaluator.planner(BAR, n_agents)?.clone();
+        let evaluated = evaluator.row(name)?;
         let mut row = success_row(evaluated, name, labels(STRONG.to_owned()), [0.0; 6], 0.0, "strong");
         row.paper = vec![None; row.paper.len()];
         let paired = planners::pooled_note(&evaluated.row, BAR, &bar, &crowds);
         row.note = [row.note, paired].into_iter().flatten().reduce(|note, more| format!("{note}; {more}"));
         rows.push(row);
-        rows.extend(planners::success_rows(bench, n_agents, |planner| labels(planner.label()), &[])?);
+        rows.extend(planners::success_rows(evaluator, n_agents, |planner| labels(planner.label()), &[])?);
     }
     let title = "Beyond the paper: the strong policy (configs/strong.toml) among N − 1 pedestrians";
-    let mut table = success_table(bench, "strong", title, &["N", "robot"], rows);
+    let mut table = success_table(evaluator, "strong", title, &["N", "robot"], rows);
     table.notes.push(planners::NOTE.to_owned());
     table.notes.push(POOLED.to_owned());
     Ok(table)
 }
 
 /// Success against the number of agents.
-pub(super) fn table_2(bench: &mut Bench) -> Result<PooledTable> {
+pub(super) fn table_2(evaluator: &mut RowEvaluator) -> Result<PooledTable> {
     let mut rows = Vec::new();
     for (of_paper, name) in paper::TABLE_2.iter().zip(ROWS_2) {
         let labels =
             vec![of_paper.n_agents.to_string(), if of_paper.diversity { "yes" } else { "no" }.to_owned()];
-        rows.push(success_row(bench.row(name)?, name, labels, of_paper.rates, of_paper.average, "table2"));
+        rows.push(success_row(
+            evaluator.row(name)?,
+            name,
+            labels,
+            of_paper.rates,
+            of_paper.average,
+            "table2",
+        ));
     }
     for (n_agents, learned) in [(5, ["m1", "m5"]), (10, ["n10-m1", "n10-m5"]), (20, ["n20-m1", "n20-m5"])] {
-        let references = Reference::pair(bench, learned)?;
+        let references = Reference::pair(evaluator, learned)?;
         let labels = |planner: Planner| vec![n_agents.to_string(), planner.label()];
-        rows.extend(planners::success_rows(bench, n_agents, labels, &references)?);
+        rows.extend(planners::success_rows(evaluator, n_agents, labels, &references)?);
     }
     let title = "Table 2. Success rate against the number of agents N";
-    let mut table = success_table(bench, "table2", title, &["N", "diversity"], rows);
+    let mut table = success_table(evaluator, "table2", title, &["N", "diversity"], rows);
     table.notes.push(planners::NOTE.to_owned());
     table.notes.push(PAIRED.to_owned());
     table.notes.push(
@@ -106,16 +120,16 @@ pub(super) fn table_2(bench: &mut Bench) -> Result<PooledTable> {
 }
 
 /// Success and D against the intrinsic reward.
-pub(super) fn table_3(bench: &mut Bench) -> Result<PooledTable> {
+pub(super) fn table_3(evaluator: &mut RowEvaluator) -> Result<PooledTable> {
     let mut rows = Vec::new();
     for (of_paper, name) in paper::TABLE_3.iter().zip(ROWS_3) {
-        let evaluated = bench.row_with_diversity(name)?;
+        let evaluated = evaluator.row_with_diversity(name)?;
         let labels = vec![of_paper.intrinsic_reward.to_owned(), format!("{:.2}", of_paper.alpha)];
         let mut row = success_row(evaluated, name, labels, of_paper.rates, of_paper.average, "table3");
         let values =
             evaluated.row.seeds.iter().filter_map(|seed| Some(SeedValue::number(seed.seed, seed.diversity?)));
         let values: Vec<SeedValue> = values.collect();
-        row.cells.push((!values.is_empty()).then(|| PooledCell::of(values, false)));
+        row.cells.push((!values.is_empty()).then(|| PooledCell::from_seeds(values, false)));
         row.paper.push(Some((of_paper.diversity, None)));
         let sigmas: Vec<String> = evaluated
             .diversity
@@ -132,7 +146,7 @@ pub(super) fn table_3(bench: &mut Bench) -> Result<PooledTable> {
         }
         rows.push(row);
     }
-    let of_planners = planners::success_rows(bench, 5, |planner| own_label(planner, 2), &[])?;
+    let of_planners = planners::success_rows(evaluator, 5, |planner| own_label(planner, 2), &[])?;
     rows.extend(of_planners.into_iter().map(|mut row| {
         // A planner knows no behaviours.
         row.cells.push(None);
@@ -140,7 +154,7 @@ pub(super) fn table_3(bench: &mut Bench) -> Result<PooledTable> {
         row
     }));
     let title = "Table 3. Success rate and D against the intrinsic reward";
-    let mut table = success_table(bench, "table3", title, &["intrinsic reward", "α"], rows);
+    let mut table = success_table(evaluator, "table3", title, &["intrinsic reward", "α"], rows);
     table.columns.push("D".to_owned());
     table.notes.push(format!("{} Paired with M = 1 and M = 5 in Table 1.", planners::NOTE));
     table.notes.push(
@@ -152,14 +166,14 @@ pub(super) fn table_3(bench: &mut Bench) -> Result<PooledTable> {
 }
 
 /// Success, time, distance and speed of three policies.
-pub(super) fn table_4(bench: &mut Bench) -> Result<PooledTable> {
+pub(super) fn table_4(evaluator: &mut RowEvaluator) -> Result<PooledTable> {
     let mut rows = Vec::new();
     let mut checks = Vec::new();
     for metric in [Metric::SuccessRate, Metric::ExtraTime, Metric::ExtraDistance, Metric::AverageSpeed] {
         for (policy, name) in ROWS_4 {
             let of_paper = paper::TABLE_4.iter().find(|row| row.metric == metric && row.policy == policy);
             let figures = of_paper.expect("the paper's table has every policy for every metric").figures;
-            let evaluated = bench.row(name)?;
+            let evaluated = evaluator.row(name)?;
             let (label, measure, decimals) = described(metric);
             let sites = CrowdKind::PAPER.each_ref().map(CrowdKind::name);
             if metric == Metric::SuccessRate {
@@ -177,11 +191,11 @@ pub(super) fn table_4(bench: &mut Bench) -> Result<PooledTable> {
             });
         }
         let (label, measure, _) = described(metric);
-        rows.extend(planners::measure_rows(bench, label, measure)?);
+        rows.extend(planners::measure_rows(evaluator, label, measure)?);
     }
     let mut notes = vec![
         READING.to_owned(),
-        format!("{} episodes a cell and seed; means ± standard deviations over the successes.", bench.episodes()),
+        format!("{} episodes a cell and seed; means ± standard deviations over the successes.", evaluator.episodes()),
         format!("{} Paired with M = 1 and M = 5 in Table 1.", planners::NOTE),
         "Safe is a safety-zone baseline (Jin-style), not the original, whose constants are not public.".to_owned(),
         "The paper's extra distances exceed what its extra times allow at 1 m/s in all 18 cells: its orderings are targets, \
@@ -210,10 +224,10 @@ fn described(metric: Metric) -> (&'static str, Measure, usize) {
 }
 
 /// Success on two realistic maps.
-pub(super) fn table_5(bench: &mut Bench) -> Result<PooledTable> {
+pub(super) fn table_5(evaluator: &mut RowEvaluator) -> Result<PooledTable> {
     let (mut rows, mut references) = (Vec::new(), Vec::new());
     for (of_paper, name) in paper::TABLE_5.iter().zip(ROWS_5) {
-        let evaluated = bench.row_at(name, deployment::run)?;
+        let evaluated = evaluator.row_at(name, deployment::run)?;
         references.extend(Reference::new(if of_paper.diversity { "M = 5" } else { "M = 1" }, &evaluated.row));
         rows.push(PooledRow {
             labels: vec![if of_paper.diversity { "yes" } else { "no" }.to_owned()],
@@ -227,8 +241,8 @@ pub(super) fn table_5(bench: &mut Bench) -> Result<PooledTable> {
         });
     }
     for planner in Planner::IN_TABLES {
-        let sim = bench.policies.sim();
-        let sites = deployment::on_maps(&mut bench.cells, &Driver::Planner(planner), &sim)?;
+        let sim = evaluator.policies.sim();
+        let sites = deployment::on_maps(&mut evaluator.cells, &Driver::Planner(planner), &sim)?;
         rows.push(planners::site_row(planner, &sites.into_iter().collect(), &deployment::MAPS, &references));
     }
     Ok(PooledTable {
@@ -246,7 +260,13 @@ pub(super) fn table_5(bench: &mut Bench) -> Result<PooledTable> {
     })
 }
 
-fn success_table(bench: &Bench, id: &str, title: &str, heads: &[&str], rows: Vec<PooledRow>) -> PooledTable {
+fn success_table(
+    evaluator: &RowEvaluator,
+    id: &str,
+    title: &str,
+    heads: &[&str],
+    rows: Vec<PooledRow>,
+) -> PooledTable {
     let crowds = CrowdKind::PAPER.iter().map(|crowd| crowd.name().to_owned());
     PooledTable {
         id: id.to_owned(),
@@ -254,7 +274,7 @@ fn success_table(bench: &Bench, id: &str, title: &str, heads: &[&str], rows: Vec
         label_heads: heads.iter().map(|head| (*head).to_owned()).collect(),
         columns: crowds.chain(["Avg".to_owned()]).collect(),
         rows,
-        notes: vec![READING.to_owned(), format!("{} episodes a cell and seed.", bench.episodes())],
+        notes: vec![READING.to_owned(), format!("{} episodes a cell and seed.", evaluator.episodes())],
     }
 }
 
@@ -289,7 +309,7 @@ fn cells(evaluated: &Evaluated, sites: &[&str], measure: Measure) -> Vec<Option<
             let seeds: Option<Vec<SeedValue>> =
                 evaluated.row.seeds.iter().map(|run| seed_value(run, site, measure)).collect();
             let seeds = seeds.filter(|seeds| !seeds.is_empty())?;
-            Some(PooledCell::of(seeds, measure == Measure::Success))
+            Some(PooledCell::from_seeds(seeds, measure == Measure::Success))
         })
         .collect()
 }
@@ -324,7 +344,7 @@ fn distance_check(evaluated: &Evaluated, policy: &str) -> Option<String> {
     let episodes: Vec<&CompactEpisode> =
         evaluated.row.seeds.iter().flat_map(|run| run.sites.values().flatten()).collect();
     let pairs = episodes.iter().map(|episode| (episode.outcome, &episode.metrics as &EpisodeMetrics));
-    let check = Summary::of(f64::from(scale), pairs).distance_check;
+    let check = Summary::from_episodes(f64::from(scale), pairs).distance_check;
     let worst =
         check.worst.map_or_else(|| "no success".to_owned(), |worst| format!("largest excess {worst:.1e} m"));
     Some(if check.holds() {

@@ -9,7 +9,7 @@ use crate::replay::page::Scene;
 /// What a visitor asks for.
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(tag = "do", rename_all = "snake_case", deny_unknown_fields)]
-pub(crate) enum Ask {
+pub(crate) enum ClientMessage {
     /// Let time run.
     Play,
     /// Stop time.
@@ -47,7 +47,7 @@ pub(crate) struct Setup {
 /// What a visitor is told.
 #[derive(Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
-pub(crate) enum Tell<'a> {
+pub(crate) enum ServerMessage<'a> {
     /// What there is to choose from: once, first.
     Choices { policies: &'a [PolicyChoice], crowds: &'a [CrowdKind], pedestrians_max: usize },
     /// The room: when it is new or got an obstacle.
@@ -93,16 +93,16 @@ pub(crate) struct Frame {
 
 #[cfg(test)]
 mod tests {
-    use super::{Ask, Setup};
+    use super::{ClientMessage, Setup};
     use jostle_peds::CrowdKind;
 
     #[test]
     fn asks_are_read_and_slips_refused() {
-        let read = |text: &str| serde_json::from_str::<Ask>(text);
-        assert_eq!(read(r#"{"do":"goal","x":1,"y":-2.5}"#).unwrap(), Ask::Goal { x: 1.0, y: -2.5 });
+        let read = |text: &str| serde_json::from_str::<ClientMessage>(text);
+        assert_eq!(read(r#"{"do":"goal","x":1,"y":-2.5}"#).unwrap(), ClientMessage::Goal { x: 1.0, y: -2.5 });
         let setup = r#"{"do":"setup","crowd":"SF","pedestrians":4,"policy":0,"token":0,"seed":7}"#;
         let expected = Setup { crowd: CrowdKind::Sf, pedestrians: 4, policy: 0, token: 0, seed: 7 };
-        assert_eq!(read(setup).unwrap(), Ask::Setup(expected));
+        assert_eq!(read(setup).unwrap(), ClientMessage::Setup(expected));
         let unknown = setup.replace("SF", "wanderers");
         let error = read(&unknown).unwrap_err().to_string();
         assert!(error.starts_with("unknown crowd `wanderers`; expected one of NH, IN"), "{error}");

@@ -27,7 +27,7 @@ use jostle_peds::CrowdKind;
 
 use self::message::Setup;
 use self::server::{Server, listen};
-use self::session::{Session, Stock};
+use self::session::{Catalogue, Session};
 use crate::demo;
 use crate::replay::driver::Driver;
 use jostle_runs::output;
@@ -71,14 +71,14 @@ pub struct PlayArgs {
 
 /// Serves the page until the process is ended.
 pub fn run(args: &PlayArgs) -> Result<ExitCode> {
-    let stock = stock(args)?;
-    for policy in stock.drivers.iter().filter_map(Driver::policy) {
+    let catalogue = catalogue(args)?;
+    for policy in catalogue.drivers.iter().filter_map(Driver::policy) {
         jostle_runs::maps::tell(&policy.sim_config()?.room)?;
     }
     let (crowd, pedestrians) = (args.crowd, args.pedestrians);
     let first = Setup { crowd, pedestrians, policy: 0, token: args.token, seed: args.seed };
     // What cannot be played is said here, not to the first visitor.
-    Session::new(&stock, first.clone())?;
+    Session::new(&catalogue, first.clone())?;
     let (listener, address) = listen(args.port)?;
     let url = format!("http://{address}/");
     output::result(&format!("{url}\n"))?;
@@ -86,7 +86,7 @@ pub fn run(args: &PlayArgs) -> Result<ExitCode> {
     if !args.no_open && std::io::stdout().is_terminal() && !demo::open(url.as_ref()) {
         output::note("no browser could be started; open the page yourself");
     }
-    Arc::new(Server::new(stock, first)).serve(&listener, address);
+    Arc::new(Server::new(catalogue, first)).serve(&listener, address);
     Ok(ExitCode::SUCCESS)
 }
 
@@ -96,16 +96,16 @@ pub fn run(args: &PlayArgs) -> Result<ExitCode> {
 /// No free port.
 pub fn serve_in_background() -> Result<SocketAddr> {
     let crowds = CrowdKind::built_in().filter(|crowd| !crowd.is_learned()).collect();
-    let stock =
-        Stock { drivers: vec![Driver::planner(Planner::GoalSeeker)], pools: Pools::default(), crowds };
+    let catalogue =
+        Catalogue { drivers: vec![Driver::planner(Planner::GoalSeeker)], pools: Pools::default(), crowds };
     let first = Setup { crowd: CrowdKind::Sf, pedestrians: 4, policy: 0, token: 0, seed: 0 };
     let (listener, address) = listen(0)?;
-    std::thread::spawn(move || Arc::new(Server::new(stock, first)).serve(&listener, address));
+    std::thread::spawn(move || Arc::new(Server::new(catalogue, first)).serve(&listener, address));
     Ok(address)
 }
 
 /// The policies and crowds to choose from.
-fn stock(args: &PlayArgs) -> Result<Stock> {
+fn catalogue(args: &PlayArgs) -> Result<Catalogue> {
     let paths = if args.policy.is_empty() { demo::shipped()? } else { args.policy.clone() };
     let mut drivers = paths.iter().map(|path| Driver::open(path, 0)).collect::<Result<Vec<_>>>()?;
     for planner in Planner::ALL {
@@ -116,7 +116,7 @@ fn stock(args: &PlayArgs) -> Result<Stock> {
     let pools = if args.pool.is_empty() { Pools::default() } else { learned(args)? };
     let has = |crowd: &CrowdKind| !crowd.is_learned() || !pools.of(*crowd, 1).is_empty();
     let crowds = CrowdKind::built_in().filter(has).collect();
-    Ok(Stock { drivers, pools, crowds })
+    Ok(Catalogue { drivers, pools, crowds })
 }
 
 /// The pools, with the half-trained policies where they can be had.

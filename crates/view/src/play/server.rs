@@ -10,7 +10,7 @@ use anyhow::{Context as _, Result};
 use super::http::{Head, write_reply, write_switch};
 use super::message::Setup;
 use super::page::page;
-use super::session::Stock;
+use super::session::Catalogue;
 use super::visit::visit;
 use jostle_runs::output::{note, one_line};
 
@@ -23,7 +23,7 @@ const PATIENCE: Duration = Duration::from_secs(10);
 
 /// What every connection needs.
 pub(crate) struct Server {
-    pub(crate) stock: Stock,
+    pub(crate) catalogue: Catalogue,
     /// What a visit begins with.
     pub(crate) first: Setup,
     visits: AtomicUsize,
@@ -59,8 +59,8 @@ pub(crate) fn listen(port: u16) -> Result<(TcpListener, SocketAddr)> {
 }
 
 impl Server {
-    pub(crate) fn new(stock: Stock, first: Setup) -> Self {
-        Self { stock, first, visits: AtomicUsize::new(0), connections: AtomicUsize::new(0) }
+    pub(crate) fn new(catalogue: Catalogue, first: Setup) -> Self {
+        Self { catalogue, first, visits: AtomicUsize::new(0), connections: AtomicUsize::new(0) }
     }
 
     /// Answers connections until the process ends. What goes wrong in one of them is its own affair.
@@ -110,7 +110,7 @@ impl Server {
                 if write_switch(&mut stream, key).is_err() {
                     return Ok(());
                 }
-                visit(&self.stock, &self.first, stream)
+                visit(&self.catalogue, &self.first, stream)
             }
             (Some("/"), None) => {
                 // A visitor who has left needs no page.

@@ -13,7 +13,7 @@ use jostle_arena::{Outcome, Robot, RoomStepper};
 use jostle_peds::{Crowd, CrowdKind, Pedestrian};
 use jostle_sim::{Laser, Pose, Shape};
 
-use super::message::{Frame, PolicyChoice, Setup, Tell};
+use super::message::{Frame, PolicyChoice, ServerMessage, Setup};
 use crate::replay::driver::Driver;
 use crate::replay::page::Scene;
 use crate::replay::{BEAMS, config_of};
@@ -26,14 +26,14 @@ const OBSTACLES_MAX: usize = 60;
 const OBSTACLE: f32 = 0.5;
 
 /// What all sessions choose from.
-pub(crate) struct Stock {
+pub(crate) struct Catalogue {
     pub(crate) drivers: Vec<Driver>,
     pub(crate) pools: Pools,
     /// The crowds that can be had with these pools.
     pub(crate) crowds: Vec<CrowdKind>,
 }
 
-impl Stock {
+impl Catalogue {
     /// The policies as they are offered.
     pub(crate) fn policies(&self) -> Vec<PolicyChoice> {
         let tokens = |driver: &Driver| driver.policy().map_or(0, |p| p.file.network.n_behaviours);
@@ -48,7 +48,7 @@ impl Stock {
 
 /// A room with its people, and where it stands.
 pub(crate) struct Session<'a> {
-    stock: &'a Stock,
+    catalogue: &'a Catalogue,
     setup: Setup,
     plan: RoomPlan,
     scene: Scene,
@@ -68,19 +68,19 @@ impl<'a> Session<'a> {
     /// The first episode of a setup.
     ///
     /// # Errors
-    /// A setup that is not among what the stock offers; what the room or the crowd refuses.
-    pub(crate) fn new(stock: &'a Stock, setup: Setup) -> Result<Self> {
-        Self::at(stock, setup, 0)
+    /// A setup that is not among what the catalogue offers; what the room or the crowd refuses.
+    pub(crate) fn new(catalogue: &'a Catalogue, setup: Setup) -> Result<Self> {
+        Self::at(catalogue, setup, 0)
     }
 
-    fn at(stock: &'a Stock, setup: Setup, episode: u64) -> Result<Self> {
-        let n_policies = stock.drivers.len();
-        let driver = stock
+    fn at(catalogue: &'a Catalogue, setup: Setup, episode: u64) -> Result<Self> {
+        let n_policies = catalogue.drivers.len();
+        let driver = catalogue
             .drivers
             .get(setup.policy)
             .with_context(|| format!("policy: found {}, expected less than {n_policies}", setup.policy))?;
         ensure!(
-            stock.crowds.contains(&setup.crowd),
+            catalogue.crowds.contains(&setup.crowd),
             "crowd {}: its pedestrians are driven by policies; start with --pool",
             setup.crowd
         );
@@ -98,9 +98,9 @@ impl<'a> Session<'a> {
         let robot = driver.robot_with(setup.token, &plan)?;
         Ok(Self {
             scene: Scene::new(&config, &polygons(&plan.scenario))?,
-            crowd: crowd_of(stock, setup.crowd, &plan)?,
+            crowd: crowd_of(catalogue, setup.crowd, &plan)?,
             room: ArenaRoom::new(&plan, &laser, episode)?,
-            stock,
+            catalogue,
             setup,
             plan,
             laser,
@@ -139,7 +139,7 @@ impl<'a> Session<'a> {
 
     /// The same episode from its start, without what was added.
     pub(crate) fn reset(&mut self) -> Result<()> {
-        *self = Self::at(self.stock, self.setup.clone(), self.episode)?;
+        *self = Self::at(self.catalogue, self.setup.clone(), self.episode)?;
         Ok(())
     }
 
@@ -163,7 +163,7 @@ impl<'a> Session<'a> {
         ensure!(n_pedestrians < PEDESTRIANS_MAX, "there are {n_pedestrians} pedestrians already");
         self.room.add_pedestrian(&mut self.plan, position)?;
         // A learned crowd that was smaller than its pool may use more of it now.
-        self.crowd = crowd_of(self.stock, self.setup.crowd, &self.plan)?;
+        self.crowd = crowd_of(self.catalogue, self.setup.crowd, &self.plan)?;
         Ok(())
     }
 
@@ -176,14 +176,14 @@ impl<'a> Session<'a> {
         );
         let disc = Shape::Circle { radius: OBSTACLE };
         self.room.add_obstacle(&mut self.plan, &disc, Pose::new(position, 0.0))?;
-        self.crowd = crowd_of(self.stock, self.setup.crowd, &self.plan)?;
+        self.crowd = crowd_of(self.catalogue, self.setup.crowd, &self.plan)?;
         self.robot = self.driver().robot_with(self.setup.token, &self.plan)?;
         self.scene = Scene::new(&self.plan.config, &polygons(&self.plan.scenario))?;
         Ok(())
     }
 
     fn driver(&self) -> &'a Driver {
-        &self.stock.drivers[self.setup.policy]
+        &self.catalogue.drivers[self.setup.policy]
     }
 
     fn check_running(&self) -> Result<()> {
@@ -192,8 +192,8 @@ impl<'a> Session<'a> {
     }
 
     /// The room, for the page.
-    pub(crate) fn describe(&self) -> Tell<'_> {
-        Tell::Room {
+    pub(crate) fn describe(&self) -> ServerMessage<'_> {
+        ServerMessage::Room {
             scene: &self.scene,
             setup: &self.setup,
             episode: self.episode,
@@ -225,8 +225,8 @@ impl<'a> Session<'a> {
     }
 }
 
-fn crowd_of(stock: &Stock, kind: CrowdKind, plan: &RoomPlan) -> Result<Box<dyn Crowd>> {
-    Ok(make_crowd(&plan.config, kind, &stock.pools, &plan.scenario.boundary())?)
+fn crowd_of(catalogue: &Catalogue, kind: CrowdKind, plan: &RoomPlan) -> Result<Box<dyn Crowd>> {
+    Ok(make_crowd(&plan.config, kind, &catalogue.pools, &plan.scenario.boundary())?)
 }
 
 #[cfg(test)]
@@ -235,8 +235,8 @@ mod tests {
 
     use super::*;
 
-    fn stock() -> Stock {
-        Stock {
+    fn catalogue() -> Catalogue {
+        Catalogue {
             drivers: vec![Driver::planner(Planner::GoalSeeker)],
             pools: Pools::default(),
             crowds: vec![CrowdKind::Vo, CrowdKind::Sf],
@@ -248,8 +248,8 @@ mod tests {
     }
 
     /// Steps with a goal, a pedestrian and an obstacle between them.
-    fn played(stock: &Stock, seed: u64) -> Vec<Frame> {
-        let mut session = Session::new(stock, setup(seed)).unwrap();
+    fn played(catalogue: &Catalogue, seed: u64) -> Vec<Frame> {
+        let mut session = Session::new(catalogue, setup(seed)).unwrap();
         let mut frames = vec![session.frame()];
         for step in 0..30 {
             match step {
@@ -266,18 +266,18 @@ mod tests {
 
     #[test]
     fn the_same_seed_and_asks_give_the_same_frames() {
-        let stock = stock();
-        let frames = played(&stock, 3);
-        assert_eq!(frames, played(&stock, 3));
-        assert_ne!(frames, played(&stock, 4));
+        let catalogue = catalogue();
+        let frames = played(&catalogue, 3);
+        assert_eq!(frames, played(&catalogue, 3));
+        assert_ne!(frames, played(&catalogue, 4));
         assert_eq!(frames[6].goal, [1.0, 2.0]);
         assert_eq!((frames[0].pedestrians.len(), frames[9].pedestrians.len()), (4, 5));
     }
 
     #[test]
     fn a_reset_takes_away_what_was_added_and_the_next_episode_keeps_it() {
-        let stock = stock();
-        let mut session = Session::new(&stock, setup(3)).unwrap();
+        let catalogue = catalogue();
+        let mut session = Session::new(&catalogue, setup(3)).unwrap();
         let first = session.frame();
         session.obstacle(Vec2::new(4.0, -4.0)).unwrap();
         session.step().unwrap();
@@ -293,8 +293,8 @@ mod tests {
 
     #[test]
     fn what_is_not_offered_is_refused() {
-        let stock = stock();
-        let refused = |setup: Setup| Session::new(&stock, setup).err().unwrap().to_string();
+        let catalogue = catalogue();
+        let refused = |setup: Setup| Session::new(&catalogue, setup).err().unwrap().to_string();
         assert!(refused(Setup { crowd: CrowdKind::Nh, ..setup(0) }).contains("--pool"));
         assert!(refused(Setup { policy: 1, ..setup(0) }).contains("expected less than 1"));
         assert!(refused(Setup { pedestrians: 41, ..setup(0) }).contains("at most 40"));

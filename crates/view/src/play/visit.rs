@@ -9,8 +9,8 @@ use glam::Vec2;
 use tungstenite::protocol::{Role, WebSocketConfig};
 use tungstenite::{Error, Message, WebSocket};
 
-use super::message::{Ask, Setup, Tell};
-use super::session::{PEDESTRIANS_MAX, Session, Stock};
+use super::message::{ClientMessage, ServerMessage, Setup};
+use super::session::{Catalogue, PEDESTRIANS_MAX, Session};
 use jostle_runs::output::one_line;
 
 /// Bytes of a message at most.
@@ -26,7 +26,7 @@ const ASKS_MAX: usize = 64;
 
 struct Visit<'a> {
     session: Session<'a>,
-    stock: &'a Stock,
+    catalogue: &'a Catalogue,
     socket: WebSocket<TcpStream>,
     playing: bool,
     times: f32,
@@ -38,14 +38,14 @@ struct Visit<'a> {
 ///
 /// # Errors
 /// What the room itself refuses; a visitor who leaves, however rudely, is no error.
-pub(crate) fn visit(stock: &Stock, first: &Setup, stream: TcpStream) -> Result<()> {
+pub(crate) fn visit(catalogue: &Catalogue, first: &Setup, stream: TcpStream) -> Result<()> {
     let limits = WebSocketConfig::default()
         .max_message_size(Some(MESSAGE_MAX))
         .max_frame_size(Some(MESSAGE_MAX))
         .max_write_buffer_size(1 << 20);
     let mut visit = Visit {
-        session: Session::new(stock, first.clone())?,
-        stock,
+        session: Session::new(catalogue, first.clone())?,
+        catalogue,
         socket: WebSocket::from_raw_socket(stream, Role::Server, Some(limits)),
         playing: true,
         times: 1.0,
@@ -59,9 +59,9 @@ pub(crate) fn visit(stock: &Stock, first: &Setup, stream: TcpStream) -> Result<(
 
 impl Visit<'_> {
     fn run(&mut self) -> Result<()> {
-        let policies = self.stock.policies();
-        let crowds = &self.stock.crowds;
-        self.tell(&Tell::Choices { policies: &policies, crowds, pedestrians_max: PEDESTRIANS_MAX })?;
+        let policies = self.catalogue.policies();
+        let crowds = &self.catalogue.crowds;
+        self.tell(&ServerMessage::Choices { policies: &policies, crowds, pedestrians_max: PEDESTRIANS_MAX })?;
         self.tell_all()?;
         loop {
             for _ in 0..ASKS_MAX {
@@ -115,15 +115,15 @@ impl Visit<'_> {
         match done {
             Ok(()) => Ok(()),
             Err(error) if error.downcast_ref::<Error>().is_some() => Err(error),
-            Err(error) => self.tell(&Tell::Refused { why: one_line(&error) }),
+            Err(error) => self.tell(&ServerMessage::Refused { why: one_line(&error) }),
         }
     }
 
-    fn apply(&mut self, ask: Ask) -> Result<()> {
+    fn apply(&mut self, ask: ClientMessage) -> Result<()> {
         match ask {
-            Ask::Play => self.run_time(true),
-            Ask::Pause => self.run_time(false),
-            Ask::Step => {
+            ClientMessage::Play => self.run_time(true),
+            ClientMessage::Pause => self.run_time(false),
+            ClientMessage::Step => {
                 self.run_time(false)?;
                 if self.session.has_ended() {
                     self.session.next()?;
@@ -133,24 +133,26 @@ impl Visit<'_> {
                 }
                 self.tell_frame()
             }
-            Ask::Speed { times } => {
+            ClientMessage::Speed { times } => {
                 let (least, most) = (TIMES.start(), TIMES.end());
                 ensure!(TIMES.contains(&times), "speed: found {times}, expected {least} to {most}");
                 self.times = times;
                 self.tell_clock()
             }
-            Ask::Reset => self.session.reset().and_then(|()| self.tell_all()),
-            Ask::Next => self.session.next().and_then(|()| self.tell_all()),
-            Ask::Goal { x, y } => self.session.goal(Vec2::new(x, y)).and_then(|()| self.tell_frame()),
-            Ask::Pedestrian { x, y } => {
+            ClientMessage::Reset => self.session.reset().and_then(|()| self.tell_all()),
+            ClientMessage::Next => self.session.next().and_then(|()| self.tell_all()),
+            ClientMessage::Goal { x, y } => {
+                self.session.goal(Vec2::new(x, y)).and_then(|()| self.tell_frame())
+            }
+            ClientMessage::Pedestrian { x, y } => {
                 self.session.pedestrian(Vec2::new(x, y)).and_then(|()| self.tell_frame())
             }
-            Ask::Obstacle { x, y } => self.session.obstacle(Vec2::new(x, y)).and_then(|()| {
+            ClientMessage::Obstacle { x, y } => self.session.obstacle(Vec2::new(x, y)).and_then(|()| {
                 self.tell_room()?;
                 self.tell_frame()
             }),
-            Ask::Setup(setup) => {
-                self.session = Session::new(self.stock, setup)?;
+            ClientMessage::Setup(setup) => {
+                self.session = Session::new(self.catalogue, setup)?;
                 self.tell_all()
             }
         }
@@ -176,14 +178,14 @@ impl Visit<'_> {
     }
 
     fn tell_clock(&mut self) -> Result<()> {
-        self.tell(&Tell::Clock { playing: self.playing, times: self.times })
+        self.tell(&ServerMessage::Clock { playing: self.playing, times: self.times })
     }
 
     fn tell_frame(&mut self) -> Result<()> {
-        self.tell(&Tell::Frame(self.session.frame()))
+        self.tell(&ServerMessage::Frame(self.session.frame()))
     }
 
-    fn tell(&mut self, message: &Tell<'_>) -> Result<()> {
+    fn tell(&mut self, message: &ServerMessage<'_>) -> Result<()> {
         self.send(json(message)?)
     }
 
@@ -192,6 +194,6 @@ impl Visit<'_> {
     }
 }
 
-fn json(message: &Tell<'_>) -> Result<String> {
+fn json(message: &ServerMessage<'_>) -> Result<String> {
     serde_json::to_string(message).context("a message that is no JSON")
 }

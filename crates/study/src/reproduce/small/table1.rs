@@ -45,7 +45,7 @@ pub(crate) fn run(out: &Path, threads: usize, trainings: &dyn Trainings) -> Resu
             None => baseline = Some(cells),
             Some(baseline) => {
                 for ((cell, first), second) in row.cells.iter_mut().zip(baseline).zip(&cells) {
-                    cell.versus_baseline = Comparison::of(first, second);
+                    cell.versus_baseline = Comparison::new(first, second);
                 }
             }
         }

@@ -34,7 +34,7 @@ pub(crate) struct Evaluated {
 }
 
 /// The study.
-pub(crate) struct Bench {
+pub(crate) struct RowEvaluator {
     pub(crate) policies: Policies,
     pub(crate) cells: Cells,
     episodes: u64,
@@ -46,7 +46,7 @@ pub(crate) struct Bench {
     states: Option<Vec<f32>>,
 }
 
-impl Bench {
+impl RowEvaluator {
     /// A study of which nothing has been run yet.
     pub(crate) fn new(policies: Policies, results: &Path, fresh: bool, episodes: u64) -> Result<Self> {
         ensure!(episodes > 0, "--episodes: found 0, expected at least 1");
