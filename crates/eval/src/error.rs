@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use jostle_arena::ArenaError;
 use jostle_diversity::DiversityError;
+use jostle_peds::PedsError;
 use jostle_policy::PolicyError;
 use jostle_sim::SimError;
 
@@ -67,6 +68,9 @@ pub enum EvalError {
     /// A room, a crowd or a robot refused.
     #[error(transparent)]
     Arena(#[from] ArenaError),
+    /// A crowd refused.
+    #[error(transparent)]
+    Peds(#[from] PedsError),
     /// The simulator refused.
     #[error(transparent)]
     Sim(#[from] SimError),

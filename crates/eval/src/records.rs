@@ -169,7 +169,7 @@ impl RecordWriter {
     ///
     /// # Errors
     ///
-    /// As [`holds`]; [`EvalError::Locked`] if another run writes the file. Nothing is changed on an error.
+    /// As [`completeness`]; [`EvalError::Locked`] if another run writes the file. Nothing is changed on an error.
     pub fn resume(path: &Path, key: &CellKey) -> Result<(Self, RecordFile), EvalError> {
         let mut file = OpenOptions::new()
             .read(true)

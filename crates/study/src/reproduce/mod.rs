@@ -1,9 +1,9 @@
 //! `cargo xtask reproduce`: the paper's tables and figures beside its figures, from shipped policies or from nothing.
 //!
-//! Reading order: this file (what is asked for), [`plan`] (rows and their training settings), [`policies`] (where policies
-//! come from), [`cells`] (episodes, each cell run once), [`evaluator`] (the study), [`tables`], [`planners`], [`deployment`], [`beyond`],
-//! [`curves`], [`paths`] (what is printed), [`training`] and [`hours`] (`--train`), [`page`] (docs/reproduction.md, README.md). The small
-//! preset, which trains everything within minutes, is a thing of its own: [`small`].
+//! Reading order: this file (what is asked for), `plan` (rows and their training settings), `policies` (where policies
+//! come from), `cells` (episodes, each cell run once), `evaluator` (the study), `tables`, `planners`, `deployment`, `beyond`,
+//! `curves`, `paths` (what is printed), `training` and `hours` (`--train`), `page` (docs/reproduction.md, README.md). The small
+//! preset, which trains everything within minutes, is a thing of its own: `small`.
 
 mod beyond;
 mod cells;

@@ -1,7 +1,7 @@
 //! `cargo xtask ship`: finished training runs become small policies in `checkpoints/`, with a manifest that says where each
 //! comes from.
 //!
-//! Which row a run serves follows from its configuration ([`crate::reproduce::plan`]). A policy is the actor alone, by
+//! Which row a run serves follows from its configuration (`crate::reproduce::plan`). A policy is the actor alone, by
 //! default in half precision; the success rates that are reported are those of the shipped form.
 
 pub(crate) mod curve;

@@ -1,7 +1,7 @@
 //! `cargo xtask play`: a page on this machine in which a policy drives among a crowd in real time.
 //!
-//! Reading order: this file (what can be chosen), [`session`] (a room; no clock, no socket), [`message`] (what page and
-//! server say), [`visit`] (a visitor and the clock), [`server`] and [`http`] (connections), [`page`]; `live.js` is the page,
+//! Reading order: this file (what can be chosen), `session` (a room; no clock, no socket), `message` (what page and
+//! server say), `visit` (a visitor and the clock), `server` and `http` (connections), `page`; `live.js` is the page,
 //! and `scene.js` of the replay draws it.
 //!
 //! Every visitor has a room of their own, so that a second window starts anew and disturbs nobody.
