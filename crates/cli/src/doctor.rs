@@ -6,8 +6,7 @@ use std::process::{Command, ExitCode};
 use anyhow::Result;
 use clap::Args;
 
-use jostle_runs::log::search;
-use jostle_runs::log::{RunLog, State};
+use jostle_runs::log::{DEPTH, RunLog, State, search};
 use jostle_runs::output;
 use jostle_runs::output::columns;
 use jostle_runs::provenance::{commit, workspace};
@@ -16,8 +15,6 @@ use jostle_runs::provenance::{commit, workspace};
 const DISK_MB: u64 = 2_000;
 /// Memory below which building may not finish.
 const MEMORY_MB: u64 = 2_000;
-/// How deep folders are searched for runs.
-const DEPTH: usize = 5;
 
 /// Arguments of `doctor`.
 #[derive(Args)]

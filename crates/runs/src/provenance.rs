@@ -21,11 +21,13 @@ pub fn commit() -> &'static str {
 pub fn workspace() -> &'static Path {
     static ROOT: OnceLock<PathBuf> = OnceLock::new();
     ROOT.get_or_init(|| {
-        let is_checkout = |folder: &&Path| {
-            folder.join("crates/sim/Cargo.toml").is_file() && folder.join("configs").is_dir()
-        };
         let here = std::env::current_dir().unwrap_or_default();
         let built_in = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2).unwrap_or(Path::new(""));
-        here.ancestors().find(is_checkout).unwrap_or(built_in).to_owned()
+        here.ancestors().find(|folder| is_checkout(folder)).unwrap_or(built_in).to_owned()
     })
+}
+
+/// Whether a folder is the root of a checkout.
+pub(crate) fn is_checkout(folder: &Path) -> bool {
+    folder.join("crates/sim/Cargo.toml").is_file() && folder.join("configs").is_dir()
 }

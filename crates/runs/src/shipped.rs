@@ -11,7 +11,7 @@ use jostle_arena::identity::{hex_sha256, short};
 use jostle_policy::did_you_mean;
 
 use crate::output::note;
-use crate::provenance::workspace;
+use crate::provenance::{is_checkout, workspace};
 use crate::run_folder::write_bytes_atomically;
 
 /// A file that is part of the program.
@@ -93,7 +93,7 @@ fn config_name(path: &str) -> Option<&str> {
 /// No checkout at or above the working directory, and none where the program was built.
 pub fn checkout() -> Result<&'static Path> {
     let root = workspace();
-    if !root.join("configs").is_dir() {
+    if !is_checkout(root) {
         bail!(
             "found no checkout of jostle here, expected one: `git clone {}` makes it",
             env!("CARGO_PKG_REPOSITORY")

@@ -20,8 +20,8 @@ use jostle_runs::output;
 const POLICIES: &str = "checkpoints";
 /// How the names of the policies that drive best begin.
 const STRONG: &str = "strong-";
-/// The paper's own row that drives beside them: M = 5.
-const PAPERS_ROW: &str = "m5";
+/// The same of the paper's row that drives beside them: M = 5.
+const PAPERS_ROW: &str = "m5-";
 /// The planner that drives beside a policy.
 const PLANNER: Planner = Planner::Dwa;
 /// The robot and so many pedestrians less one.
@@ -54,7 +54,7 @@ pub fn run(args: &DemoArgs) -> Result<ExitCode> {
         vec![path.clone()]
     } else {
         let all = shipped()?;
-        all.first().cloned().into_iter().chain(first_of(&all, PAPERS_ROW)).collect()
+        all.first().into_iter().chain(all.iter().find(|path| is_of(path, PAPERS_ROW))).cloned().collect()
     };
     let mut drivers = shown.iter().map(|path| Driver::open(path, 0)).collect::<Result<Vec<_>>>()?;
     if drivers.is_empty() {
@@ -93,19 +93,13 @@ pub fn shipped() -> Result<Vec<PathBuf>> {
     let mut paths =
         entries.map(|entry| Ok(entry?.path())).collect::<Result<Vec<_>>>().with_context(cannot_list)?;
     paths.retain(is_policy);
-    let is_of = |path: &PathBuf, row: &str| {
-        path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(row))
-    };
     paths.sort_by_key(|path| (!is_of(path, STRONG), path.clone()));
     Ok(paths)
 }
 
-/// The first shipped policy of a row, such as `m5`.
-fn first_of(shipped: &[PathBuf], row: &str) -> Option<PathBuf> {
-    let is_of = |path: &PathBuf| {
-        path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(&format!("{row}-")))
-    };
-    shipped.iter().find(|path| is_of(path)).cloned()
+/// Whether a policy is of the row whose names begin so.
+fn is_of(path: &Path, row: &str) -> bool {
+    path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(row))
 }
 
 /// Hands a page, a file or an address, to the desktop's browser; whether a program for that was found.

@@ -49,3 +49,24 @@ impl<P: RoomPlanner> Robot for EachRoom<P> {
         )
     }
 }
+
+#[cfg(test)]
+pub(super) mod testing {
+    use glam::Vec2;
+    use jostle_peds::Pedestrian;
+
+    use crate::robot::RobotView;
+
+    /// Asks about a robot at the origin that heads along x to a goal 8 m ahead, at full speed, among pedestrians of these positions and
+    /// velocities.
+    pub(in super::super) fn under_way<T>(
+        others: &[(Vec2, Vec2)],
+        ask: impl FnOnce(&RobotView<'_>) -> T,
+    ) -> T {
+        let at = |position, velocity, goal| Pedestrian { position, velocity, heading: 0.0, goal };
+        let others = others.iter().map(|(position, velocity)| at(*position, *velocity, Vec2::ZERO));
+        let pedestrians: Vec<Pedestrian> = others.collect();
+        let robot = at(Vec2::ZERO, Vec2::X, 8.0 * Vec2::X);
+        ask(&RobotView { row: &[], robot, pedestrians: &pedestrians })
+    }
+}

@@ -103,26 +103,17 @@ impl RoomPlanner for OrcaRobot {
 
 #[cfg(test)]
 mod tests {
-    use jostle_peds::{CrowdKind, Pedestrian};
+    use jostle_peds::CrowdKind;
 
+    use super::super::each_room::testing::under_way;
     use super::*;
     use crate::config::ArenaConfig;
 
-    /// A robot at the origin, heading along x to a goal 8 m ahead, at full speed.
+    /// The command of a robot [`under_way`].
     fn plan(config: &OrcaRobotConfig, pedestrians: &[(Vec2, Vec2)]) -> [f32; 2] {
         let plan = RoomPlan::new(&ArenaConfig::default(), CrowdKind::Vo).unwrap();
         let planner = OrcaRobot::new(&plan, config).unwrap();
-        let at = |position: Vec2, velocity: Vec2, goal: Vec2| Pedestrian {
-            position,
-            velocity,
-            heading: 0.0,
-            goal,
-        };
-        let pedestrians: Vec<Pedestrian> =
-            pedestrians.iter().map(|(position, velocity)| at(*position, *velocity, Vec2::ZERO)).collect();
-        let robot = at(Vec2::ZERO, Vec2::X, 8.0 * Vec2::X);
-        let view = RobotView { row: &[], robot, pedestrians: &pedestrians };
-        planner.plan(&view, &mut planner.scratch()).unwrap()
+        under_way(pedestrians, |view| planner.plan(view, &mut planner.scratch()).unwrap())
     }
 
     #[test]

@@ -96,23 +96,15 @@ impl RoomPlanner for SocialForceRobot {
 mod tests {
     use jostle_peds::{CrowdKind, Pedestrian};
 
+    use super::super::each_room::testing::under_way;
     use super::*;
     use crate::config::ArenaConfig;
 
-    /// A robot at the origin, heading along x to a goal 8 m ahead, at full speed.
+    /// The command of a robot [`under_way`].
     fn plan(pedestrians: &[(Vec2, Vec2)]) -> [f32; 2] {
         let plan = RoomPlan::new(&ArenaConfig::default(), CrowdKind::Sf).unwrap();
         let planner = SocialForceRobot::new(&plan, &SocialForceRobotConfig::default()).unwrap();
-        let at = |position: Vec2, velocity: Vec2, goal: Vec2| Pedestrian {
-            position,
-            velocity,
-            heading: 0.0,
-            goal,
-        };
-        let pedestrians: Vec<Pedestrian> =
-            pedestrians.iter().map(|(position, velocity)| at(*position, *velocity, Vec2::ZERO)).collect();
-        let robot = at(Vec2::ZERO, Vec2::X, 8.0 * Vec2::X);
-        planner.plan(&RobotView { row: &[], robot, pedestrians: &pedestrians }, &mut Vec::new()).unwrap()
+        under_way(pedestrians, |view| planner.plan(view, &mut Vec::new()).unwrap())
     }
 
     #[test]

@@ -35,7 +35,7 @@ pub(super) fn overview(results: &Path) -> Result<Option<String>> {
     for (id, labels, name) in LINES {
         let table = if id == table1.id { &table1 } else { &strong };
         let Some(row) = table.rows.iter().find(|row| row.labels == labels) else { return Ok(None) };
-        let Some(cells) = row.cells.iter().cloned().collect::<Option<Vec<PooledCell>>>() else {
+        let Some(cells) = row.cells.iter().map(Option::as_ref).collect::<Option<Vec<&PooledCell>>>() else {
             return Ok(None);
         };
         grid.push(false, line(name, &cells));
@@ -51,7 +51,7 @@ fn stored(results: &Path, id: &str) -> Result<Option<PooledTable>> {
         .transpose()
 }
 
-fn line(name: &str, cells: &[PooledCell]) -> Vec<String> {
+fn line(name: &str, cells: &[&PooledCell]) -> Vec<String> {
     let mut line = vec![name.to_owned()];
     let (average, rates) = cells.split_last().expect("a row has cells");
     line.extend(rates.iter().map(|cell| number(cell.value, 3)));
