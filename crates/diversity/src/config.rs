@@ -6,6 +6,7 @@ use crate::DiversityError;
 
 /// Gaussian noise on a discriminator's inputs while it is trained (never when a reward is computed).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum InputNoise {
     /// `noise_scale` standard deviations of each feature over the rollout.
@@ -19,6 +20,7 @@ pub enum InputNoise {
 
 /// Which form of the action q(z | s, a) is shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum ActionInput {
     /// The clipped copy that the robot executed.
@@ -30,23 +32,29 @@ pub enum ActionInput {
 
 /// Both discriminators' shape, input and training.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct DiscriminatorConfig {
     /// Units of each of the two hidden layers; ≥ 1. Default 128 (the paper: "two-layer feed-forward network with 128
     /// hidden units").
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 1, "maximum" = 65536, "origin" = "the paper: \"two-layer feed-forward network with 128 hidden units\"")))]
     pub hidden: usize,
     /// Adam's step size; > 0. Default 5e-5 (the paper's table of hyper-parameters).
+    #[cfg_attr(feature = "schema", schemars(extend("exclusiveMinimum" = 0.0, "origin" = "the paper's table of hyper-parameters")))]
     pub learning_rate: f64,
     /// Kind of input noise while training. Default `feature_std` ("one standard deviation of Gaussian noise").
+    #[cfg_attr(feature = "schema", schemars(extend("origin" = "\"one standard deviation of Gaussian noise\"")))]
     pub noise: InputNoise,
     /// Multiple of each feature's standard deviation (`feature_std`), or the standard deviation itself (`absolute`);
     /// ≥ 0. Default 1.
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0)))]
     pub noise_scale: f64,
     /// Whether the two action inputs of q(z | s, a) receive noise, too. Default true.
     pub noise_on_action: bool,
     /// Which form of the action is shown to q(z | s, a). Default `executed`.
     pub action: ActionInput,
     /// Factor on the two action inputs of q(z | s, a), which stand against 1,540 others; > 0. Default 1.
+    #[cfg_attr(feature = "schema", schemars(extend("exclusiveMinimum" = 0.0)))]
     pub action_scale: f64,
 }
 

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 /// Which intrinsic reward is added to the task reward, before its weight α.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum IntrinsicReward {
     /// log q(z|s,a) − log q(z|s), the paper's.

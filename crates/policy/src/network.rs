@@ -10,6 +10,7 @@ use crate::layout::Layout;
 /// Both give the same numbers up to rounding, and a test holds them together; within one back end
 /// the bits are the same at any number of threads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Backend {
     /// Hand-shaped kernels on the CPU: the default.

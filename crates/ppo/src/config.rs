@@ -34,62 +34,82 @@ const KEYS_WITHOUT_EFFECT: [&str; 3] = ["updates", "checkpoint_every", "threads"
 /// # Ok::<(), jostle_ppo::PpoError>(())
 /// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct Config {
     /// Root seed of every random stream; 0 to 2⁶³ − 1. Default 1.
     pub seed: u64,
     /// Updates of the whole run; ≥ 1. Default 5000 (paper). Does not change the curve, only its length.
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 1, "maximum" = i64::MAX, "origin" = "paper")))]
     pub updates: u64,
     /// Updates between checkpoints; 0 writes one at the end alone. Default 100. Does not change the curve.
     pub checkpoint_every: u64,
     /// Worker threads; 0 takes one for each core. Default 0. Does not change a bit of the curve.
+    #[cfg_attr(feature = "schema", schemars(extend("maximum" = 1024)))]
     pub threads: usize,
     /// What computes the networks: `fast` (own kernels on the CPU) or `reference` (candle). Default `fast`.
     pub backend: Backend,
     /// Agents in a room, the paper's N (alias `N`); 1 to 1000. Default 5 (paper).
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 1, "maximum" = 1000, "origin" = "paper")))]
     #[serde(alias = "N")]
     pub n_agents: usize,
     /// Behaviours, the paper's M (alias `M`); 1 to 1000; 1 is the baseline without diversity. Default 5 (paper).
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 1, "maximum" = 1000, "origin" = "paper")))]
     #[serde(alias = "M")]
     pub n_behaviours: usize,
     /// Rooms that are simulated side by side (alias `R`); ≥ 1. Default 1: the paper trains in one.
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 1, "maximum" = 65536)))]
     #[serde(alias = "R")]
     pub n_rooms: usize,
     /// Steps that each agent collects for an update; ≥ 1. Default 128 (lineage).
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 1, "maximum" = 65536, "origin" = "lineage")))]
     pub horizon: usize,
     /// Transitions in a minibatch; 1 to `horizon · n_agents · n_rooms`; an epoch's last may be shorter. Default 256.
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 1)))]
     pub minibatch: usize,
     /// Epochs over a rollout for the policy; ≥ 1. Default 3 (paper).
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 1, "maximum" = 1000, "origin" = "paper")))]
     pub epochs_policy: usize,
     /// Epochs over a rollout for the value function; ≥ 1. Default 3 (paper).
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 1, "maximum" = 1000, "origin" = "paper")))]
     pub epochs_value: usize,
     /// Epochs over a rollout for both discriminators; ≥ 0. Default 1 (paper; another of its rows can be read as 3).
+    #[cfg_attr(feature = "schema", schemars(extend("maximum" = 1000, "origin" = "paper; another of its rows can be read as 3")))]
     pub epochs_discriminator: usize,
     /// Adam's step size for policy and value function; > 0. Default 5e-5 (paper). The discriminators have their own in
     /// `[discriminator]`.
+    #[cfg_attr(feature = "schema", schemars(extend("exclusiveMinimum" = 0.0, "origin" = "paper")))]
     pub learning_rate: f64,
     /// Updates in which the step size of policy and value function halves, smoothly; ≥ 0, 0 keeps it. Counted in updates
     /// done, so that a run that is made longer goes on as it was. Default 0 (paper).
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "default" = 0.0, "origin" = "paper")))]
     #[serde(skip_serializing_if = "is_default")]
     pub learning_rate_half_life: f64,
     /// Discount γ; 0 to 1. Default 0.99 (paper).
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 1.0, "origin" = "paper")))]
     pub gamma: f64,
     /// Trace decay λ of generalised advantage estimation; 0 to 1. Default 0.95 (paper).
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 1.0, "origin" = "paper")))]
     pub gae_lambda: f64,
     /// Half-width ε of the trust interval around ratio 1; > 0. Default 0.1 (paper).
+    #[cfg_attr(feature = "schema", schemars(extend("exclusiveMinimum" = 0.0, "origin" = "paper")))]
     pub clip_coef: f64,
     /// Weight of the entropy bonus; ≥ 0. Default 5e-4 (lineage).
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "origin" = "lineage")))]
     pub ent_coef: f64,
     /// Gradients longer than this (L2 norm over a network) are scaled down; ≥ 0, 0 is off. Default 0 (lineage).
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "origin" = "lineage")))]
     pub max_grad_norm: f64,
     /// Weight α of the intrinsic reward; ≥ 0. Default 0.1 (paper; its ablations use 0.01 for `state_action` and 0.03
     /// for `state`).
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "origin" = "paper; its ablations use 0.01 for `state_action` and 0.03 for `state`")))]
     pub alpha: f64,
     /// What α weighs: the intrinsic `reward` of a step (the paper's Algorithm 1, line 8) or the intrinsic `advantage` (the
     /// paper's table calls α "advantage weight"). Default `reward`.
     pub alpha_weighs: AlphaWeighs,
     /// With more than one behaviour, those whose mean return (of the task, over an episode) is further than this below the best so
     /// far learn the task alone, as if their α were 0; ≥ 0, 0 is off. Default 0 (paper).
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "default" = 0.0, "origin" = "paper")))]
     #[serde(skip_serializing_if = "is_default")]
     pub diversity_margin: f64,
     /// `difference` (paper), `state_action`, `state` (DIAYN) or `none`.
@@ -97,6 +117,7 @@ pub struct Config {
     /// Whether log M is added to the rewards `state_action` and `state`, as DIAYN does. Default false.
     pub add_log_m: bool,
     /// Whether a time limit's cut bootstraps with V of the episode's last observation. Default false (lineage).
+    #[cfg_attr(feature = "schema", schemars(extend("origin" = "lineage")))]
     pub bootstrap_truncation: bool,
     /// The simulator.
     pub sim: SimConfig,
@@ -114,6 +135,7 @@ pub struct Config {
 
 /// What the weight α stands before.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum AlphaWeighs {
     /// The intrinsic reward of each step: r + α·`r_int`, one advantage, one value function of both.
@@ -137,31 +159,40 @@ impl AlphaWeighs {
 
 /// The sizes of actor and critic that do not follow from other sections.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct NetworkSection {
     /// Length of a behaviour's embedding; ≥ 1. Default 32 (paper).
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 1, "maximum" = 65536, "origin" = "paper")))]
     pub embedding: usize,
     /// Standard deviation of the embeddings at the start; ≥ 0. Default 1 (PyTorch's): how far apart the behaviours are
     /// before anything is learned.
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "origin" = "PyTorch's")))]
     pub embedding_std: f32,
     /// Length of the laser feature; ≥ 1. Default 256 (lineage).
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 1, "maximum" = 65536, "origin" = "lineage")))]
     pub laser_feature: usize,
     /// Length of the last hidden layer; ≥ 1. Default 128 (lineage).
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 1, "maximum" = 65536, "origin" = "lineage")))]
     pub hidden: usize,
     /// Initial log standard deviation of both action dimensions. Default 0 (lineage).
+    #[cfg_attr(feature = "schema", schemars(extend("origin" = "lineage")))]
     pub log_std_init: f32,
     /// What the network reads: every beam of the `scans` (paper), or `motion`, the bodies around with their velocities
     /// and when each way would meet them, which takes a laser that sees all round. Default `scans`.
+    #[cfg_attr(feature = "schema", schemars(extend("default" = "scans")))]
     #[serde(skip_serializing_if = "is_default")]
     pub inputs: NetworkInputs,
     /// With `scans`, the network reads the nearest of each this many neighbouring beams; a divisor of `sim.laser.beams`.
     /// The robot keeps all its beams. Default 1 (paper).
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 1, "default" = 1, "origin" = "paper")))]
     #[serde(skip_serializing_if = "is_one")]
     pub scan_pool: usize,
 }
 
 /// What a network reads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum NetworkInputs {
     /// The observation row: three scans, goal, velocity.
@@ -382,6 +413,8 @@ mod tests {
         assert_ne!(read.hash(), Config::default().hash());
         let refusal = Config::parse("[network]\nscan_pool = 3", "a file", &[] as &[&str]).unwrap_err();
         assert!(refusal.to_string().contains("network.scan_pool: found 3"), "{refusal}");
+        let refusal = Config::parse("[network]\nscan_pool = 0", "a file", &[] as &[&str]).unwrap_err();
+        assert!(refusal.to_string().contains("network.scan_pool: found 0"), "{refusal}");
     }
 
     #[test]

@@ -20,6 +20,7 @@ use crate::{PpoError, config};
 
 /// Which frozen policies the opponents of a training crowd are; the `[population]` part of a training file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct PopulationConfig {
     /// Policies or checkpoints that drive opponents: other seeds, earlier runs. Relative paths start from the folder of the
@@ -27,8 +28,10 @@ pub struct PopulationConfig {
     /// SHA-256; with others a run does not go on. Default: none.
     pub files: Vec<PathBuf>,
     /// Snapshots of the run's own policy that are kept as opponents; 0 to 64. Default 0.
+    #[cfg_attr(feature = "schema", schemars(extend("maximum" = 64)))]
     pub past: usize,
     /// Updates between two snapshots; ≥ 1. Default 100.
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 1, "maximum" = i64::MAX)))]
     pub past_every: u64,
     // The folder that relative `files` start from.
     #[serde(skip)]

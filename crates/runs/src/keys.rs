@@ -1,96 +1,171 @@
-//! The keys of a training configuration: their comments, read from the sources of its types, and a configuration's settings key by
-//! key.
+//! The keys of a training configuration: its JSON Schema, made from its types, and a configuration's settings key by key.
+//!
+//! The schema is what the types in `ppo`, `sim` and `diversity` say of themselves: comments, defaults, units, bounds. A test of
+//! the command `config` holds the bounds to what the configuration's own checks accept.
 
 use std::collections::BTreeMap;
 
 use anyhow::{Context as _, Result};
 use jostle_ppo::Config;
+use schemars::generate::SchemaSettings;
+use serde_json::{Map, Value};
 
-/// The files that define the configuration's types.
-const SOURCES: [&str; 5] = [
-    include_str!("../../ppo/src/config.rs"),
-    include_str!("../../ppo/src/population.rs"),
-    include_str!("../../sim/src/config.rs"),
-    include_str!("../../sim/src/traits.rs"),
-    include_str!("../../diversity/src/config.rs"),
-];
-/// The type of the whole configuration.
-const ROOT: &str = "Config";
-
-/// A key with its comment.
+/// A key and what its schema says of it.
 #[derive(Clone, Debug)]
 pub struct Key {
     /// Dotted, such as `sim.laser.beams`.
     pub path: String,
-    /// The comment.
-    pub text: String,
-    /// The name of its type, without `Option`.
-    pub kind: String,
+    /// Its part of the [`schema`].
+    pub schema: Value,
     /// Whether it may be left out without a default taking its place.
     pub optional: bool,
-    /// Whether it holds other keys.
-    pub section: bool,
 }
 
 impl Key {
-    /// The unit that the comment names behind a comma, such as `m` or `rad/s`.
-    pub fn unit(&self) -> Option<&'static str> {
-        const UNITS: [&str; 7] = ["m/s²", "rad/s²", "m/s", "rad/s", "rad", "m", "s"];
-        let named = |unit: &str| {
-            self.text.match_indices(&format!(", {unit}")).any(|(at, found)| {
-                self.text[at + found.len()..].chars().next().is_none_or(|next| ".;,:".contains(next))
-            })
-        };
-        UNITS.into_iter().find(|unit| named(unit))
+    /// The comment.
+    pub fn text(&self) -> &str {
+        self.schema["description"].as_str().unwrap_or_default()
     }
 
-    /// The default that the comment names, as TOML.
-    fn default(&self) -> Option<String> {
-        let (_, rest) = self.text.split_once("Default ")?;
-        let end = [" (", ". ", ", ", "; ", ": "].into_iter().filter_map(|end| rest.find(end)).min();
-        let text = rest[..end.unwrap_or(rest.len())].trim_end_matches('.').trim_matches('`');
-        Some(match self.kind.as_str() {
-            "u64" | "usize" | "u32" | "bool" => text.to_owned(),
-            "f64" => format!("{:?}", text.parse::<f64>().ok()?),
-            "f32" => format!("{:?}", text.parse::<f32>().ok()?),
-            _ => format!("{text:?}"),
-        })
+    /// Whether it holds other keys.
+    pub fn is_section(&self) -> bool {
+        self.schema["type"] == "object"
     }
 
-    /// Where the default comes from: what stands in brackets behind it.
-    pub fn origin(&self) -> Option<&str> {
-        let (_, rest) = self.text.split_once("Default ")?;
-        let (value, rest) = rest.split_once(" (")?;
-        if value.contains(". ") {
-            return None;
-        }
-        rest.split_once(')').map(|(origin, _)| origin)
+    /// Whether it is a key of this section, or of one within.
+    pub fn is_in(&self, section: &Self) -> bool {
+        self.path.strip_prefix(&section.path).is_some_and(|rest| rest.starts_with('.'))
     }
 }
 
-/// All keys in the order of the sources, each section before its own.
-pub fn keys() -> Vec<Key> {
+/// The JSON Schema of a configuration (draft 2020-12): every key with its comment, its bounds, its default. `unit` and `origin`
+/// are our own words: no validator needs them.
+///
+/// # Errors
+/// Types that give no schema of the form that is described here: a mistake in their attributes.
+pub fn schema() -> Result<Value> {
+    let mut schema = generated(SchemaSettings::draft2020_12());
+    simplify(&mut schema).context("the configuration's schema")?;
+    Ok(schema)
+}
+
+fn generated(mut settings: SchemaSettings) -> Value {
+    settings.inline_subschemas = true;
+    settings.into_generator().into_root_schema_for::<Config>().to_value()
+}
+
+/// All keys: those that are always stored in the order of their types, then the others by name; each section before its own.
+///
+/// # Errors
+/// As [`schema`].
+pub fn keys() -> Result<Vec<Key>> {
+    let raw = generated(SchemaSettings::draft2020_12());
+    let stored = generated(SchemaSettings::draft2020_12().for_serialize());
     let mut keys = Vec::new();
-    list(&types(), ROOT, "", &mut keys);
-    keys
+    list(&schema()?, &raw, &stored, "", &mut keys);
+    Ok(keys)
 }
 
-/// Keys that are left out of what is stored while they have their default, each with that default, as the keys' comments
-/// name it. Keys of a section that is off are not among them.
-pub fn unstored_defaults() -> Vec<(String, String)> {
-    let keys = keys();
-    let is_off = |key: &Key| {
-        keys.iter().any(|s| s.section && s.optional && key.path.starts_with(&format!("{}.", s.path)))
+fn list(schema: &Value, raw: &Value, stored: &Value, prefix: &str, keys: &mut Vec<Key>) {
+    let Some(properties) = schema["properties"].as_object() else { return };
+    let always = stored["required"].as_array().into_iter().flatten().filter_map(Value::as_str);
+    let mut names: Vec<&str> = always.filter(|name| properties.contains_key(*name)).collect();
+    let others = properties.keys().map(String::as_str).filter(|name| !names.contains(name));
+    names.extend(others.collect::<Vec<_>>());
+    for name in names {
+        let (raw, stored) = (&raw["properties"][name], &stored["properties"][name]);
+        let (path, schema) = (format!("{prefix}{name}"), properties[name].clone());
+        let inner = format!("{path}.");
+        keys.push(Key { path, schema: schema.clone(), optional: without_null(raw).is_some() });
+        list(&schema, without_null(raw).unwrap_or(raw), without_null(stored).unwrap_or(stored), &inner, keys);
+    }
+}
+
+/// What a schema accepts beside null, if it accepts null: an option is left out of a file, for TOML has no null.
+fn without_null(schema: &Value) -> Option<&Value> {
+    let is_null = |schema: &Value| schema["type"] == "null";
+    if let Some(choices) = schema["anyOf"].as_array() {
+        let others: Vec<&Value> = choices.iter().filter(|choice| !is_null(choice)).collect();
+        return (others.len() == 1 && choices.len() == 2).then(|| others[0]);
+    }
+    schema["type"].as_array().is_some_and(|types| types.iter().any(|kind| kind == "null")).then_some(schema)
+}
+
+/// Makes a generated schema what a reader of configurations wants: no null, a choice of documented words as `enum`, numbers in the
+/// digits of their own precision, comments on one line, no defaults of whole sections.
+fn simplify(schema: &mut Value) -> Result<()> {
+    if let Some(inner) = without_null(schema) {
+        let mut inner = inner.clone();
+        if let (Some(entry), Some(outer)) = (inner.as_object_mut(), schema.as_object()) {
+            // The comment at the key says more than that at its type.
+            entry.extend(
+                outer
+                    .iter()
+                    .filter(|(name, _)| *name != "anyOf" && *name != "type")
+                    .map(|(k, v)| (k.clone(), v.clone())),
+            );
+        }
+        *schema = inner;
+    }
+    let entry = schema.as_object_mut().context("found no object where a key is described")?;
+    if let Some(kinds) = entry.get("type").and_then(Value::as_array) {
+        let kind = kinds.iter().find(|kind| *kind != "null").cloned().unwrap_or_default();
+        entry.insert("type".to_owned(), kind);
+    }
+    if let Some(Value::Array(choices)) = entry.remove("oneOf") {
+        let words = choices.iter().map(|choice| choice["const"].clone()).collect();
+        entry.insert("enum".to_owned(), Value::Array(words));
+        entry.insert("type".to_owned(), "string".into());
+    }
+    if let Some(Value::String(text)) = entry.get_mut("description") {
+        *text = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    }
+    let format = entry.remove("format");
+    if format.as_ref().is_some_and(|format| format == "float") {
+        in_own_digits(entry);
+    }
+    if entry.get("default").is_some_and(|default| default.is_null() || default.is_object()) {
+        entry.remove("default");
+    }
+    if let Some(properties) = entry.get_mut("properties").and_then(Value::as_object_mut) {
+        for (name, property) in properties {
+            simplify(property).with_context(|| name.clone())?;
+        }
+    }
+    Ok(())
+}
+
+/// Numbers of single precision in their own digits: 0.1, not the nearest f64 to it.
+fn in_own_digits(entry: &mut Map<String, Value>) {
+    for name in ["default", "minimum", "exclusiveMinimum", "maximum"] {
+        if let Some(number) = entry.get(name).and_then(Value::as_f64) {
+            let digits = (number as f32).to_string().parse::<f64>().map_or(Value::Null, Value::from);
+            entry.insert(name.to_owned(), digits);
+        }
+    }
+}
+
+/// The default of every key that has one, as TOML, by its dotted key. Keys of a section that is off are not among them.
+///
+/// # Errors
+/// As [`schema`].
+pub fn defaults() -> Result<BTreeMap<String, String>> {
+    let keys = keys()?;
+    let is_off = |key: &Key| keys.iter().any(|s| s.is_section() && s.optional && key.is_in(s));
+    let of = |key: &Key| {
+        let default = toml::Value::try_from(key.schema.get("default")?).ok()?;
+        Some((key.path.clone(), shown(&default)))
     };
-    let always = |key: &&Key| !key.section && !key.optional && !is_off(key);
-    let named = |key: &Key| Some((key.path.clone(), key.default()?));
-    keys.iter().filter(always).filter_map(named).collect()
+    Ok(keys.iter().filter(|key| !is_off(key)).filter_map(of).collect())
 }
 
 /// Every setting by its dotted key, those that are not stored because they have their default among them.
+///
+/// # Errors
+/// As [`schema`].
 pub fn settings(config: &Config) -> Result<BTreeMap<String, String>> {
     let table = toml::Table::try_from(config).context("a configuration that is no TOML")?;
-    let mut all = BTreeMap::from_iter(unstored_defaults());
+    let mut all = defaults()?;
     all.extend(flat(&table));
     Ok(all)
 }
@@ -119,89 +194,44 @@ fn shown(value: &toml::Value) -> String {
     }
 }
 
-/// A field: its name, its type, its comment.
-type Field = (String, String, String);
-
-/// The structs of the sources by name.
-fn types() -> BTreeMap<String, Vec<Field>> {
-    let mut types = BTreeMap::new();
-    for source in SOURCES {
-        let mut lines = source.lines();
-        while let Some(line) = lines.next() {
-            let name = line.strip_prefix("pub struct ").and_then(|rest| rest.strip_suffix(" {"));
-            if let Some(name) = name {
-                types.insert(name.to_owned(), fields(&mut lines));
-            }
-        }
-    }
-    types
-}
-
-fn fields<'a>(lines: &mut impl Iterator<Item = &'a str>) -> Vec<Field> {
-    let mut fields = Vec::new();
-    let mut text: Vec<&str> = Vec::new();
-    for line in lines.by_ref().map(str::trim).take_while(|line| *line != "}") {
-        if let Some(doc) = line.strip_prefix("///") {
-            text.push(doc.trim());
-        } else if let Some((name, kind)) = line.strip_prefix("pub ").and_then(|rest| rest.split_once(": ")) {
-            fields.push((name.to_owned(), kind.trim_end_matches(',').to_owned(), text.join(" ")));
-            text.clear();
-        }
-    }
-    fields
-}
-
-fn list(types: &BTreeMap<String, Vec<Field>>, kind: &str, prefix: &str, keys: &mut Vec<Key>) {
-    for (name, kind, text) in types.get(kind).into_iter().flatten() {
-        let path = format!("{prefix}{name}");
-        let inner = kind.strip_prefix("Option<").and_then(|rest| rest.strip_suffix('>'));
-        let (optional, kind) = (inner.is_some(), inner.unwrap_or(kind).to_owned());
-        let section = types.contains_key(&kind);
-        keys.push(Key { path: path.clone(), text: text.clone(), kind: kind.clone(), optional, section });
-        if section {
-            list(types, &kind, &format!("{path}."), keys);
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use jostle_ppo::Config;
 
-    use super::{keys, settings, unstored_defaults};
+    use super::{defaults, keys, settings};
 
     /// What `explain` and `compare` say of a key that is not stored is what the key is.
     #[test]
-    fn every_default_that_a_comment_names_is_the_default() {
-        let defaults = unstored_defaults();
+    fn every_default_of_the_schema_is_the_default() {
+        let defaults = defaults().unwrap();
         for (path, default) in &defaults {
             let set = [format!("{path}={default}")];
             let config = Config::parse("", "", &set).unwrap_or_else(|error| panic!("{path}: {error}"));
             assert_eq!(config, Config::default(), "{path} is not {default} by default");
         }
-        let named =
-            |path: &str| defaults.iter().find(|(key, _)| key == path).map(|(_, default)| default.as_str());
-        assert_eq!(named("sim.laser.fov"), Some("6.2831855"));
-        assert_eq!(named("sim.laser.angle_min"), Some("0.0"));
+        assert_eq!(defaults["sim.laser.fov"], "6.2831855");
+        assert_eq!(defaults["sim.laser.angle_min"], "0.0");
+        assert_eq!(defaults["training_crowd.stall_limit"], "10");
+        assert!(!defaults.contains_key("sim.reward.safety_zone.ego_radius"), "the section is off");
     }
 
     #[test]
-    fn units_and_origins_are_read_from_the_comments() {
-        let keys = keys();
-        let find = |path: &str| keys.iter().find(|key| key.path == path).unwrap();
-        assert_eq!(find("sim.robot.w_max").unit(), Some("rad/s"));
-        assert_eq!(find("sim.laser.noise_std").unit(), Some("m"));
-        assert_eq!(find("gamma").unit(), None);
-        assert_eq!(find("gamma").origin(), Some("paper"));
-        assert_eq!(find("horizon").origin(), Some("lineage"));
-        assert_eq!(find("add_log_m").origin(), None);
+    fn keys_that_have_a_default_are_all_but_sections_and_options() {
+        let (keys, defaults) = (keys().unwrap(), defaults().unwrap());
+        for key in &keys {
+            let off = keys.iter().any(|section| section.optional && key.is_in(section));
+            let without = key.is_section() || key.optional || off;
+            assert_eq!(!without, defaults.contains_key(&key.path), "{}", key.path);
+        }
     }
 
     #[test]
     fn options_are_optional() {
-        let keys = keys();
+        let keys = keys().unwrap();
         let zone = keys.iter().find(|key| key.path == "sim.reward.safety_zone").unwrap();
-        assert!(zone.optional && zone.section);
+        assert!(zone.optional && zone.is_section());
+        let map = keys.iter().find(|key| key.path == "sim.room.map").unwrap();
+        assert!(map.optional && map.schema["type"] == "string");
     }
 
     #[test]

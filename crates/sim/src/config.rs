@@ -23,6 +23,7 @@ pub const OBSERVATION_LEN: usize = FRAMES * 512 + EXTRAS;
 
 /// Everything the simulator needs to know; the `[sim]` part of a training file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct SimConfig {
     /// The room.
@@ -60,11 +61,14 @@ impl SimConfig {
 
 /// The room: a rectangle centred on the origin, or a map file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct RoomConfig {
     /// Extent along x, m. Unused when a map is given.
+    #[cfg_attr(feature = "schema", schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 1000.0, "unit" = "m")))]
     pub width: f32,
     /// Extent along y, m. Unused when a map is given.
+    #[cfg_attr(feature = "schema", schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 1000.0, "unit" = "m")))]
     pub height: f32,
     /// A polygon map (`.toml`, `.json`) or a ROS `map.yaml` that replaces the rectangle. A relative
     /// path starts from the folder of the file that names it; one given by a command or a program,
@@ -84,15 +88,20 @@ impl Default for RoomConfig {
 
 /// Body and commands of a differential-drive robot.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct RobotConfig {
     /// Extent of the body along its heading, m.
+    #[cfg_attr(feature = "schema", schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 100.0, "unit" = "m")))]
     pub length: f32,
     /// Extent of the body across its heading, m.
+    #[cfg_attr(feature = "schema", schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 100.0, "unit" = "m")))]
     pub width: f32,
     /// Largest linear velocity, m/s; the least is 0.
+    #[cfg_attr(feature = "schema", schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 100.0, "unit" = "m/s")))]
     pub v_max: f32,
     /// Largest angular velocity either way, rad/s.
+    #[cfg_attr(feature = "schema", schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 100.0, "unit" = "rad/s")))]
     pub w_max: f32,
     /// Switch: limits on how fast the velocity changes. Absent: a command acts at once (Stage's
     /// velocity mode).
@@ -115,11 +124,14 @@ impl RobotConfig {
 
 /// Largest change of the velocity, either way.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct AccelerationLimits {
     /// Linear, m/s².
+    #[cfg_attr(feature = "schema", schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 1000000.0, "unit" = "m/s²")))]
     pub v: f32,
     /// Angular, rad/s².
+    #[cfg_attr(feature = "schema", schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 1000000.0, "unit" = "rad/s²")))]
     pub w: f32,
 }
 
@@ -145,20 +157,26 @@ pub struct AccelerationLimits {
 /// assert!((laser.beam_angle(540) - 0.75 * std::f64::consts::PI).abs() < 1e-6);
 /// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct LaserConfig {
-    /// Number of beams, evenly spaced over the angle of view.
+    /// Number of beams, evenly spaced over the angle of view; a network that learns takes 3 or more.
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 3, "maximum" = 8192)))]
     pub beams: usize,
     /// A beam that meets nothing within this distance reads exactly this, m.
+    #[cfg_attr(feature = "schema", schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 1000.0, "unit" = "m")))]
     pub range: f32,
     /// Standard deviation of the Gaussian noise on in-range returns, m; 0 turns it off.
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 100.0, "unit" = "m")))]
     pub noise_std: f32,
     /// Angle of view, rad; less than 2π is a sector, outside which no beam exists. Default
     /// 6.2831855 (paper), the full circle.
+    #[cfg_attr(feature = "schema", schemars(extend("exclusiveMinimum" = 0.0, "maximum" = std::f32::consts::TAU, "default" = std::f32::consts::TAU, "unit" = "rad", "origin" = "paper")))]
     #[serde(skip_serializing_if = "is_full_circle")]
     pub fov: f32,
     /// Angle of beam 0 from straight ahead, counter-clockwise, rad; −`fov`/2 centres a sector
     /// ahead. Default 0.0 (lineage).
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = -std::f32::consts::TAU, "maximum" = std::f32::consts::TAU, "default" = 0.0, "unit" = "rad", "origin" = "lineage")))]
     #[serde(skip_serializing_if = "is_zero")]
     pub angle_min: f32,
     /// The code that casts the beams.
@@ -233,6 +251,7 @@ fn is_zero(angle: &f32) -> bool {
 
 /// The code that casts beams. Both give the same ranges within 1e-4 m.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum LaserKernel {
     /// Closed forms for walls, edges and circles over eight beams at a time.
@@ -244,16 +263,21 @@ pub enum LaserKernel {
 
 /// The ends of an episode.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct EpisodeConfig {
     /// The goal is reached nearer than this, m. (Long et al. use 0.1.)
+    #[cfg_attr(feature = "schema", schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 100.0, "unit" = "m")))]
     pub goal_radius: f32,
     /// A robot whose least noise-free range is below this has crashed, m. So has one that was
     /// stopped by something which no such range shows.
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "unit" = "m")))]
     pub crash_range: f32,
     /// An episode that lasts this many steps is truncated.
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 1)))]
     pub step_limit: u32,
     /// Control period, s.
+    #[cfg_attr(feature = "schema", schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 10.0, "unit" = "s")))]
     pub dt: f32,
 }
 
@@ -265,15 +289,19 @@ impl Default for EpisodeConfig {
 
 /// Starts and goals.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct SpawnConfig {
     /// Least distance of a start or goal from walls and obstacles, m; at least the crash range and
     /// the body's circumradius.
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 1000.0, "unit" = "m")))]
     pub wall_clearance: f32,
     /// Least distance of a start from every other body's centre, m; at least two circumradii, and
     /// one with the crash range.
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 1000.0, "unit" = "m")))]
     pub body_clearance: f32,
     /// Least distance of a goal from its start, m. A goal can be reached from its start.
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 1000.0, "unit" = "m")))]
     pub goal_distance: f32,
 }
 
@@ -285,17 +313,23 @@ impl Default for SpawnConfig {
 
 /// The reward of a step.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct RewardConfig {
     /// Reward of reaching the goal.
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 1000000.0)))]
     pub goal: f32,
     /// Reward (a negative number) of a crash.
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = -1000000.0, "maximum" = 0.0)))]
     pub collision: f32,
     /// Per metre of progress towards the goal.
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 1000000.0)))]
     pub progress: f32,
     /// Per rad/s of turning faster than the threshold (a negative number).
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = -1000000.0, "maximum" = 0.0)))]
     pub rotation: f32,
     /// Turning rate above which rotation counts, rad/s.
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 1000000.0, "unit" = "rad/s")))]
     pub rotation_threshold: f32,
     /// Switch: the safety-zone baseline (Jin-style).
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -317,17 +351,23 @@ impl Default for RewardConfig {
 
 /// The safety-zone terms, after Jin et al. 2020 (arXiv:1911.03074), whose constants are not public.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct SafetyZoneConfig {
     /// Radius of the ego zone `d_e`, m.
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 1000.0, "unit" = "m")))]
     pub ego_radius: f32,
     /// Weight of the ego term `w_e`, per metre and step.
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 1000000.0)))]
     pub ego_weight: f32,
     /// Radius of a standing body's social zone, m.
+    #[cfg_attr(feature = "schema", schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 1000.0, "unit" = "m")))]
     pub social_radius: f32,
     /// Time by which a moving body's zone stretches ahead, s.
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 1000.0, "unit" = "s")))]
     pub social_horizon: f32,
     /// Weight of the social term `w_s`, per unit of overlap and step.
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 1000000.0)))]
     pub social_weight: f32,
 }
 

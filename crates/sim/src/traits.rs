@@ -37,50 +37,64 @@ use serde::{Deserialize, Serialize};
 /// The agents that share the training rooms with the learners; the `[training_crowd]` part of a
 /// training file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct TrainingCrowd {
     /// Share of agents that are blind for an episode: driven by the present policy, by a laser that
     /// shows walls and obstacles but no other agent. Nothing is learned from them. The first agent
     /// of a room is never one. Default 0.
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 1.0)))]
     pub blind: f32,
     /// Share of agents that are, for an episode, driven by the present policy and see everyone, but
     /// at the crowd's speed. Default 0.
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 1.0)))]
     pub seeing: f32,
     /// Share of agents that walk straight to their goal for an episode, at a constant speed,
     /// whoever is in their way: they follow a rule, no policy. Default 0.
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 1.0)))]
     pub straight: f32,
     /// Share of agents that walk as the straight ones do, but stand still every now and then.
     /// Default 0.
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 1.0)))]
     pub stop_and_go: f32,
     /// Share of agents that stand still for a whole episode. Default 0.
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 1.0)))]
     pub standing: f32,
     /// Share of agents that are driven for an episode by a frozen policy of the `population`. They
     /// see everyone. Default 0.
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 1.0)))]
     pub opponents: f32,
     /// Least factor on the linear velocity that a member of the crowd executes; uniform up to
     /// `speed_max`, drawn for each episode. A walker's speed is this times `sim.robot.v_max`.
     /// Learners keep theirs. Default 1.
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 100.0)))]
     pub speed_min: f32,
     /// Largest factor on the linear velocity that a member of the crowd executes. Default 1.
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 100.0)))]
     pub speed_max: f32,
     /// Least time that a stop-and-go walker walks or stands, s; uniform up to `phase_max`, drawn
     /// for each walk and each stop. Default 0.5.
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 1000.0, "unit" = "s")))]
     pub phase_min: f32,
     /// Longest time that a stop-and-go walker walks or stands, s. Default 4.
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 1000.0, "unit" = "s")))]
     pub phase_max: f32,
     /// Lets a member that reaches its goal walk on to another one; else its episode ends there.
     /// Default false.
     pub walk_on: bool,
     /// Mean time after which a member that walks on changes its goal on the way, s; 0 never.
     /// Default 0.
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 1000000.0, "unit" = "s")))]
     pub new_goal_every: f32,
     /// Turns a member that gets a new goal on the way to it at once. Default false.
     pub turn_at_once: bool,
     /// Least factor on the length and the width of a member's body; uniform up to `size_max`, drawn
     /// for each episode. Default 1.
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.1, "maximum" = 10.0)))]
     pub size_min: f32,
     /// Largest factor on the length and the width of a member's body. Above 1 all starts keep a
     /// larger distance. Default 1.
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 10.0)))]
     pub size_max: f32,
     /// Fewest obstacles that are put into a room; uniform up to `obstacles_max`. Default 0.
     pub obstacles_min: u32,
@@ -88,17 +102,21 @@ pub struct TrainingCrowd {
     /// One that finds no place clear of bodies and goals is left out. Default 0.
     pub obstacles_max: u32,
     /// Least extent of an obstacle: a disc's diameter, a box's length and width, m. Default 0.3.
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.01, "maximum" = 100.0, "unit" = "m")))]
     pub obstacle_size_min: f32,
     /// Largest extent of an obstacle, m. Default 1.5.
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 100.0, "unit" = "m")))]
     pub obstacle_size_max: f32,
     /// Fewest agents in a room at a time; uniform up to `n_agents`. 0 keeps all of them there.
     /// Default 0.
     pub agents_min: u32,
     /// Steps after which a room draws its obstacles and its number of agents anew; agents leave as
     /// their episodes end. Default 2000.
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 1)))]
     pub renew_steps: u32,
     /// A member that something has stopped for this many steps in a row ends its episode. Default
     /// 10: a second.
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 1)))]
     pub stall_limit: u32,
 }
 

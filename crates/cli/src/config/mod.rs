@@ -1,23 +1,19 @@
 //! `cargo xtask config`: every key of a configuration with its meaning, its range and where its default comes from.
 //!
-//! The explanations are the doc comments of the configuration's own types, and the ranges are what its own checks answer:
-//! there is no second text that could go stale. Reading order: this file (what is asked for), [`jostle_runs::keys`] (the comments),
-//! [`range`] (the checks), [`schema`] (both as a JSON Schema).
+//! The explanations are the doc comments of the configuration's own types, by way of their JSON Schema, and what a key accepts is
+//! what the configuration's own checks answer. Reading order: this file (what is asked for), [`jostle_runs::keys`] (the schema),
+//! [`range`] (the checks, and the test that the schema's bounds are theirs), [`schema`] (what is printed).
 
 mod range;
 mod schema;
 
-use std::collections::BTreeMap;
 use std::process::ExitCode;
 
 use anyhow::{Result, bail};
 use clap::{Args, Subcommand};
 use jostle_policy::did_you_mean;
-use jostle_ppo::{Config, PopulationConfig};
-use jostle_sim::TrainingCrowd;
 
-use jostle_runs::keys::flat;
-use jostle_runs::keys::{Key, keys, unstored_defaults};
+use jostle_runs::keys::{Key, defaults, keys};
 use jostle_runs::output;
 
 /// Arguments of `config`.
@@ -54,9 +50,7 @@ pub(crate) fn run(args: &ConfigArgs) -> Result<ExitCode> {
 
 /// The explanation of a key, or of all keys of a section.
 fn explain(wanted: &str) -> Result<String> {
-    let keys = keys();
-    let mut defaults = BTreeMap::from_iter(unstored_defaults());
-    defaults.extend(flat(&with_all_sections()?));
+    let (keys, defaults) = (keys()?, defaults()?);
     let within =
         |key: &&Key| wanted.is_empty() || key.path == wanted || key.path.starts_with(&format!("{wanted}."));
     let chosen: Vec<&Key> = keys.iter().filter(within).collect();
@@ -65,36 +59,25 @@ fn explain(wanted: &str) -> Result<String> {
         bail!("{wanted}: no such key{known}");
     }
     let line = |key: &&Key| {
-        if key.section {
-            return format!("[{}] {}\n", key.path, key.text);
+        if key.is_section() {
+            return format!("[{}] {}\n", key.path, key.text());
         }
         let default = defaults.get(&key.path).map_or("(off)", String::as_str);
         let accepted =
             range::accepted(&keys, key).map_or_else(String::new, |text| format!("    Accepted: {text}.\n"));
-        format!("{} = {default}\n    {}\n{accepted}", key.path, key.text)
+        format!("{} = {default}\n    {}\n{accepted}", key.path, key.text())
     };
     Ok(chosen.iter().map(line).collect())
 }
 
-/// The default configuration with the sections, too, that files leave out at their defaults.
-fn with_all_sections() -> Result<toml::Table> {
-    let mut table = toml::Table::try_from(Config::default())?;
-    table.insert("training_crowd".to_owned(), toml::Value::try_from(TrainingCrowd::default())?);
-    table.insert("population".to_owned(), toml::Value::try_from(PopulationConfig::default())?);
-    Ok(table)
-}
-
 #[cfg(test)]
 mod tests {
-    use super::{explain, keys, with_all_sections};
-    use jostle_runs::keys::flat;
+    use super::{explain, keys};
 
     #[test]
-    fn every_key_of_the_default_configuration_is_explained() {
-        let explained = keys();
-        for path in flat(&with_all_sections().unwrap()).keys() {
-            let key = explained.iter().find(|key| key.path == *path);
-            assert!(key.is_some_and(|key| !key.text.is_empty()), "{path} has no explanation");
+    fn every_key_is_explained() {
+        for key in keys().unwrap() {
+            assert!(!key.text().is_empty(), "{} has no explanation", key.path);
         }
     }
 

@@ -1,105 +1,26 @@
-//! The configuration as a JSON Schema (draft 2020-12), from its comments, its checks and its defaults.
+//! The JSON Schema that `config schema` prints: the types' own, with the paper's letters.
 
-use std::collections::BTreeMap;
-
-use anyhow::{Context as _, Result};
-use serde_json::{Map, Value, json};
-
-use super::range::{accepted, bounds, words};
-use super::with_all_sections;
-use jostle_runs::keys::{Key, keys, unstored_defaults};
+use anyhow::Result;
+use jostle_runs::keys;
+use serde_json::Value;
 
 /// The paper's letters for three keys, which a file may use.
 const ALIASES: [(&str, &str); 3] = [("N", "n_agents"), ("M", "n_behaviours"), ("R", "n_rooms")];
 
-/// The schema of a configuration file. `unit` and `origin` are our own words: no validator needs them.
+/// The schema of a configuration file.
 ///
 /// # Errors
-/// Defaults that are no JSON.
+/// As [`keys::schema`].
 pub(super) fn schema() -> Result<Value> {
-    let keys = keys();
-    let defaults = serde_json::to_value(with_all_sections()?).context("defaults that are no JSON")?;
-    let unstored = BTreeMap::from_iter(unstored_defaults());
-    let mut root = section("A training run of jostle.");
-    root["$schema"] = "https://json-schema.org/draft/2020-12/schema".into();
+    let mut root = keys::schema()?;
     root["title"] = "jostle training configuration".into();
-    for key in &keys {
-        let pointer = format!("/{}", key.path.replace('.', "/"));
-        let named = unstored.get(&key.path).and_then(|text| serde_json::from_str(text).ok());
-        let default = defaults.pointer(&pointer).or(named.as_ref());
-        let entry = if key.section { section(&key.text) } else { leaf(&keys, key, default) };
-        *place(&mut root, &key.path) = entry;
-    }
+    root["description"] = "A training run of jostle.".into();
     for (alias, name) in ALIASES {
-        let mut entry = place(&mut root, name).clone();
+        let mut entry = root["properties"][name].clone();
         entry["description"] = format!("The paper's letter for {name}.").into();
-        *place(&mut root, alias) = entry;
+        root["properties"][alias] = entry;
     }
     Ok(root)
-}
-
-/// A section that takes no keys but its own.
-fn section(text: &str) -> Value {
-    json!({ "type": "object", "description": text, "additionalProperties": false, "properties": {} })
-}
-
-/// Where a key stands in the schema.
-fn place<'s>(root: &'s mut Value, path: &str) -> &'s mut Value {
-    path.split('.').fold(root, |section, name| &mut section["properties"][name])
-}
-
-fn leaf(keys: &[Key], key: &Key, default: Option<&Value>) -> Value {
-    let words_of = accepted(keys, key);
-    let mut entry = Map::new();
-    entry.insert("description".to_owned(), key.text.clone().into());
-    let kind = match key.kind.as_str() {
-        "u64" | "usize" | "u32" => "integer",
-        "f64" | "f32" => "number",
-        "bool" => "boolean",
-        "Vec<PathBuf>" => "array",
-        _ => "string",
-    };
-    entry.insert("type".to_owned(), kind.into());
-    if kind == "array" {
-        entry.insert("items".to_owned(), json!({ "type": "string" }));
-    }
-    if kind == "integer" {
-        entry.insert("minimum".to_owned(), 0.into());
-    }
-    if let Some(text) = words_of.filter(|_| kind == "integer" || kind == "number") {
-        let bounds = bounds(&text);
-        if let Some(least) = bounds.least {
-            entry.remove("minimum");
-            let word = if bounds.above { "exclusiveMinimum" } else { "minimum" };
-            entry.insert(word.to_owned(), number(kind, least));
-        }
-        entry.extend(bounds.most.map(|most| ("maximum".to_owned(), number(kind, most))));
-    } else if let Some(text) = accepted(keys, key) {
-        entry.insert("enum".to_owned(), words(&text).into());
-    }
-    entry.extend(
-        default
-            .filter(|default| !default.is_null())
-            .map(|default| ("default".to_owned(), decimal(key, default))),
-    );
-    entry.extend(key.unit().map(|unit| ("unit".to_owned(), unit.into())));
-    entry.extend(key.origin().map(|origin| ("origin".to_owned(), origin.into())));
-    Value::Object(entry)
-}
-
-fn number(kind: &str, value: f64) -> Value {
-    // 2⁶³ − 1 is no f64; the nearest one below it is as good for a schema.
-    if kind == "integer" { (value.min(9_007_199_254_740_991.0) as i64).into() } else { value.into() }
-}
-
-/// A number of single precision in its own digits: 0.1, not the nearest f64 to it.
-fn decimal(key: &Key, value: &Value) -> Value {
-    match (key.kind.as_str(), value.as_f64()) {
-        ("f32", Some(number)) => {
-            (number as f32).to_string().parse::<f64>().map_or_else(|_| value.clone(), Value::from)
-        }
-        _ => value.clone(),
-    }
 }
 
 #[cfg(test)]

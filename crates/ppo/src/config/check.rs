@@ -54,13 +54,14 @@ impl Config {
         self.sim.validate().map_err(|error| in_section("sim", error))?;
         self.training_crowd.validate().map_err(|error| in_section("training_crowd", error))?;
         self.check_population()?;
+        self.check_view()?;
+        self.network_config().validate().map_err(in_network)?;
+        // A network that is not valid has no length of its input.
         let values = rollout.saturating_mul(self.network_config().input_len());
         if values > OBSERVATIONS_MAX {
             let expected = format!("at most {OBSERVATIONS_MAX} (transitions · length of an observation)");
             return Err(refuse("horizon", format!("{values} values an update"), expected));
         }
-        self.check_view()?;
-        self.network_config().validate().map_err(in_network)?;
         self.discriminator.validate().map_err(in_discriminator)
     }
 }
