@@ -6,7 +6,7 @@
 use std::path::Path;
 use std::process::Command;
 
-/// What the program is made of, below the root.
+/// The sources of the program, below the root.
 const MADE_OF: [&str; 4] = ["crates", "Cargo.toml", "Cargo.lock", ".cargo"];
 
 fn main() {

@@ -52,12 +52,12 @@ impl Clock {
         }
     }
 
-    /// Whether scans come at the policy's own rate.
+    /// True if scans come at the policy's own rate.
     fn follows(&self) -> bool {
         (self.interval - self.period).abs() < self.window
     }
 
-    /// Whether a command is due. If so, the next one is awaited from then on.
+    /// True if a command is due. If so, the next one is awaited from then on.
     pub fn tick(&mut self, now: f64) -> bool {
         if now < self.deadline() {
             return false;

@@ -26,7 +26,7 @@ const LAST_ZEROS: u32 = 10;
 /// Two goals nearer to each other than this are one, m.
 const SAME_GOAL: f64 = 1e-3;
 
-/// What the robot is told.
+/// A command to the robot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Command {
     /// m/s.
@@ -47,12 +47,12 @@ struct Fresh {
     arrived: Option<f64>,
     /// Its stamp.
     stamp: Time,
-    /// What is wrong with the last one.
+    /// The fault of the last one.
     refused: Option<String>,
 }
 
 impl Fresh {
-    /// Whether a message says anything new. One with the stamp of the last one does not: whoever sends it is stuck. Without
+    /// True if a message says anything new. One with the stamp of the last one does not: whoever sends it is stuck. Without
     /// stamps every message is new.
     fn is_new(&self, stamp: Time) -> bool {
         stamp == Time::default() || self.arrived.is_none() || stamp != self.stamp
@@ -68,7 +68,7 @@ impl Fresh {
     }
 }
 
-/// Where the robot is to go.
+/// The robot's goal.
 #[derive(Clone, Debug)]
 enum Goal {
     None,
@@ -106,7 +106,7 @@ pub struct Driver {
     motion: Option<Motion>,
     goal: Goal,
     panicked: Option<String>,
-    /// Whether the last command was not zero.
+    /// True if the last command was not zero.
     driving: bool,
     /// Zero commands since nobody wants the robot to drive.
     idle_zeros: u32,
@@ -304,7 +304,7 @@ impl Driver {
         }
     }
 
-    /// What the policy says, within the limits. Called where nothing stops the robot.
+    /// The policy's command, within the limits. Called where nothing stops the robot.
     fn drive(&mut self, now: f64) -> Command {
         let (Some(motion), Goal::Fixed { place, .. }) = (&self.motion, &self.goal) else {
             return self.zero(now, Stop::NoGoal);

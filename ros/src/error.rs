@@ -1,6 +1,6 @@
-//! What this node refuses when it starts: where, what was found, what was expected.
+//! Refusals of this node when it starts: the place, what was found, what was expected.
 //!
-//! What goes wrong later, while the robot may be moving, is no error but a [`Stop`](crate::stop::Stop): a zero command with its
+//! A fault later, while the robot may be moving, is no error but a [`Stop`](crate::stop::Stop): a zero command with its
 //! reason.
 
 use std::path::PathBuf;
@@ -24,7 +24,7 @@ pub enum RosError {
     Parameters {
         /// File and line.
         place: String,
-        /// What is wrong.
+        /// The fault.
         problem: String,
     },
     /// A parameter is outside its range.
@@ -36,7 +36,7 @@ pub enum RosError {
         key: &'static str,
         /// The value given.
         found: String,
-        /// What would be accepted.
+        /// The values that would be accepted.
         expected: String,
     },
     /// A topic's name is none.
@@ -44,7 +44,7 @@ pub enum RosError {
     Topic {
         /// The name given.
         name: String,
-        /// What is wrong with it.
+        /// The fault.
         problem: String,
     },
     /// An environment variable of ROS is not what it may be.
@@ -54,13 +54,13 @@ pub enum RosError {
         name: &'static str,
         /// Its value.
         found: String,
-        /// What would be accepted.
+        /// The values that would be accepted.
         expected: &'static str,
     },
     /// ROS 2's transport refused.
     #[error("cannot {action}: {reason}")]
     Transport {
-        /// What was attempted.
+        /// The action attempted.
         action: &'static str,
         /// The transport's reason.
         reason: String,
@@ -74,7 +74,7 @@ pub enum RosError {
     /// The driving process ended without having been asked to; the robot has been stopped.
     #[error("the driving process ended by itself ({status}); the robot has been commanded to stop")]
     Killed {
-        /// How it ended.
+        /// Its exit status.
         status: std::process::ExitStatus,
     },
     /// No policy where one was named.

@@ -1,4 +1,4 @@
-//! Where the robot and its goal are: the frames of odometry and goals.
+//! Poses of the robot and its goal: the frames of odometry and goals.
 //!
 //! There is no transform tree here. A goal is understood in one of these frames, and refused in any other:
 //!
@@ -9,7 +9,7 @@
 
 use crate::messages::{Odometry, PoseStamped, Quaternion};
 
-/// Where the robot is and how it moves, on the plane.
+/// The robot's pose and velocity, on the plane.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Motion {
     /// The frame of the pose.
@@ -31,7 +31,7 @@ pub struct Wish {
     pub place: [f64; 2],
 }
 
-/// What an odometry says.
+/// The pose and velocity in an odometry.
 ///
 /// # Errors
 ///
@@ -51,7 +51,7 @@ pub fn motion(odometry: &Odometry) -> Result<Motion, String> {
     })
 }
 
-/// What a goal says; its heading is not read.
+/// The wish in a goal; its heading is not read.
 ///
 /// # Errors
 ///

@@ -17,9 +17,9 @@ use crate::node::{Ends, Out, join};
 use crate::params::Params;
 use crate::stop::Stop;
 
-/// How often the driving process is looked at.
+/// Time between two looks at the driving process.
 const POLL: Duration = Duration::from_millis(5);
-/// How long the driving process may take to end when it is asked to.
+/// Longest time for the driving process to end when it is asked to.
 const PATIENCE: Duration = Duration::from_secs(2);
 /// Zero commands after it ended by itself, a few times each period.
 const ZEROS: u32 = 20;

@@ -1,4 +1,4 @@
-//! What the policy cannot override: limits on its commands, applied last.
+//! Limits on the policy's commands that it cannot override, applied last.
 
 use jostle_sim::RobotConfig;
 
@@ -38,7 +38,7 @@ impl Limits {
         Some([v, w.clamp(-self.w_max, self.w_max)])
     }
 
-    /// Whether something is nearer ahead than the robot may come.
+    /// True if something is nearer ahead than the robot may come.
     fn blocked(&self, returns: &[Return]) -> bool {
         let Some((distance, half_arc)) = self.stop else { return false };
         returns.iter().any(|seen| seen.range < distance && seen.angle.abs() - seen.half_width <= half_arc)

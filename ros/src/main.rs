@@ -109,7 +109,7 @@ fn run(arguments: Arguments) -> Result<Option<Traffic>, RosError> {
     Ok(Some(traffic))
 }
 
-/// What came and went, in a line.
+/// The traffic, in a line.
 fn in_words(traffic: &Traffic) -> String {
     let of = |count: &Count, name: &str| format!("{} {name} ({} lost)", count.received, count.lost);
     format!(

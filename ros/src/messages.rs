@@ -141,9 +141,9 @@ pub struct Odometry {
     pub header: Header,
     /// The robot's own frame, that of the twist.
     pub child_frame_id: String,
-    /// Where the robot is.
+    /// The robot's pose.
     pub pose: PoseWithCovariance,
-    /// How it moves.
+    /// Its velocity.
     pub twist: TwistWithCovariance,
 }
 

@@ -59,7 +59,7 @@ impl Count {
     }
 }
 
-/// What came and went.
+/// Counts of messages received and sent.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Traffic {
     /// Scans.

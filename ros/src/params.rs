@@ -26,7 +26,7 @@ pub struct Params {
     pub odom: OdomParams,
     /// The goal.
     pub goal: GoalParams,
-    /// What is commanded, and its limits.
+    /// The command and its limits.
     pub command: CommandParams,
     /// When commands are given.
     pub clock: ClockParams,
@@ -55,7 +55,7 @@ impl Default for Topics {
     }
 }
 
-/// Whether a message that was lost on the way is sent again.
+/// Resending of messages that were lost on the way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Reliability {
@@ -75,7 +75,7 @@ pub struct Qos {
     pub odom: Reliability,
     /// Of goals.
     pub goal: Reliability,
-    /// Whether a goal that was published before this node started is read (transient local).
+    /// True to read a goal that was published before this node started (transient local).
     pub goal_latched: bool,
 }
 
@@ -86,7 +86,7 @@ impl Default for Qos {
     }
 }
 
-/// What a finite reading below `range_min` is taken for.
+/// Meaning of a finite reading below `range_min`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum BelowMin {
@@ -98,7 +98,7 @@ pub enum BelowMin {
     Nothing,
 }
 
-/// What directions are taken for in which the policy looks and the scanner does not.
+/// Meaning of directions into which the policy looks and the scanner does not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Unseen {
@@ -118,15 +118,15 @@ pub struct ScanParams {
     pub y: f64,
     /// Counter-clockwise from the robot's heading, rad.
     pub yaw: f64,
-    /// Whether its angles run clockwise.
+    /// True if its angles run clockwise.
     pub inverted: bool,
     /// A scan that is older stops the robot, s.
     pub timeout: f64,
-    /// What a finite reading below `range_min` is.
+    /// Meaning of a finite reading below `range_min`.
     pub below_min: BelowMin,
     /// A scan of which a larger share is invalid is refused.
     pub invalid_max: f64,
-    /// What directions are that the scanner does not see.
+    /// Meaning of directions that the scanner does not see.
     pub unseen: Unseen,
 }
 
@@ -182,7 +182,7 @@ pub enum CommandType {
     TwistStamped,
 }
 
-/// What is published while nobody wants the robot to drive.
+/// The messages while nobody wants the robot to drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Idle {
@@ -192,7 +192,7 @@ pub enum Idle {
     Silence,
 }
 
-/// What is commanded, and limits that the policy cannot override.
+/// The command, and limits that the policy cannot override.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct CommandParams {
@@ -207,9 +207,9 @@ pub struct CommandParams {
     pub w_max: Option<f64>,
     /// With a return nearer than this ahead, the robot does not drive on, m from its centre.
     pub stop_distance: Option<f64>,
-    /// What is ahead: half of this angle to the left, half to the right, rad.
+    /// The angle that is ahead: half of it to the left, half to the right, rad.
     pub stop_arc: f64,
-    /// What is published without a goal.
+    /// The messages without a goal.
     pub idle: Idle,
 }
 

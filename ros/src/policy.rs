@@ -1,4 +1,4 @@
-//! Who drives: a trained policy or a planner that reads observation rows, as the other commands name them.
+//! The driver: a trained policy or a planner that reads observation rows, as the other commands name them.
 
 use std::path::Path;
 

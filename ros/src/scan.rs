@@ -29,7 +29,7 @@ use crate::params::{BelowMin, ScanParams, Unseen};
 
 /// Most beams of a scan.
 const BEAMS_MAX: usize = 65_536;
-/// How far beyond a cone's edge a beam still lies in it, as a share of the angle between the policy's beams: angles of scans are in
+/// Distance beyond a cone's edge at which a beam still lies in it, as a share of the angle between the policy's beams: angles of scans are in
 /// single precision.
 const EDGE: f64 = 1e-3;
 
@@ -95,7 +95,7 @@ impl Resampler {
     ///
     /// # Errors
     ///
-    /// What is wrong with the scan, in words: sizes or angles that are none, too many invalid readings, directions that the
+    /// The fault of the scan, in words: sizes or angles that are none, too many invalid readings, directions that the
     /// policy looks into and the scanner does not.
     pub fn resample(
         &mut self,
@@ -137,7 +137,7 @@ impl Resampler {
         self.fill(ranges)
     }
 
-    /// What one reading says.
+    /// The meaning of one reading.
     fn read(&self, reading: f32, scan: &LaserScan) -> Reading {
         if reading.is_nan() {
             Reading::Invalid
@@ -156,7 +156,7 @@ impl Resampler {
         }
     }
 
-    /// Where something at a distance in a beam of the scanner is, seen from the robot's centre.
+    /// The place of something at a distance in a beam of the scanner, seen from the robot's centre.
     fn cone(&self, angle: f64, half: f64, range: f64) -> (Cone, Return) {
         let angle = if self.params.inverted { -angle } else { angle } + self.params.yaw;
         let (x, y) = (self.params.x, self.params.y);

@@ -34,7 +34,7 @@ pub enum Stop {
 }
 
 impl Stop {
-    /// Whether nobody wants the robot to drive: no goal, or one that is reached.
+    /// True if nobody wants the robot to drive: no goal, or one that is reached.
     pub fn is_idle(&self) -> bool {
         matches!(self, Self::NoGoal | Self::Reached)
     }

@@ -3,7 +3,7 @@
 //! All steps that build use the release profile, so that a cold machine builds the dependencies once for checking and
 //! once for running. Every tool's own output stays visible; each step ends with one line of ours, with its time.
 //!
-//! What needs more than Rust is asked for by name (`--web`, `--python`, `--ros`, `--slurm`) and then runs alone. The book needs mdBook, which cargo
+//! Checks that need more than Rust are asked for by name (`--web`, `--python`, `--ros`, `--slurm`) and then run alone. The book needs mdBook, which cargo
 //! installs once; where that cannot be had, the step is skipped and says so: what the book claims is tested anyway.
 
 use std::path::Path;
@@ -57,7 +57,7 @@ struct Step {
     environment: &'static [(&'static str, &'static str)],
 }
 
-/// How a step ended.
+/// The result of a step.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Verdict {
     Passed,
@@ -113,7 +113,7 @@ const STEPS: [Step; 5] = [
     Step { name: "doctests", arguments: &["test", "--release", "--workspace", "--doc"], environment: &[] },
 ];
 
-/// What other workspaces may leave out of the published crates: each feature of `jostle-sim` without the others, and none. The rest of
+/// Features that other workspaces may leave out of the published crates: each feature of `jostle-sim` without the others, and none. The rest of
 /// the steps build the default ones, and `learned` of `jostle-peds`.
 const FEATURE_SETS: [&[&str]; 4] = [
     &["-p", "jostle-sim", "-p", "jostle-peds"],
@@ -166,7 +166,7 @@ pub(crate) fn run(args: &CiArgs) -> Result<ExitCode> {
     Ok(ExitCode::FAILURE)
 }
 
-/// What is asked for by name, or else the ordinary steps.
+/// The checks asked for by name, or else the ordinary steps.
 fn checks(args: &CiArgs) -> Vec<Check<'static>> {
     let mut checks: Vec<Check<'static>> = Vec::new();
     if args.web {
@@ -241,7 +241,7 @@ fn check_feature_sets() -> Result<Verdict> {
     Ok(Verdict::Passed)
 }
 
-/// Whether cargo succeeds in the workspace.
+/// True if cargo succeeds in the workspace.
 fn cargo(step: &str, arguments: &[&str], environment: &[(&str, &str)]) -> Result<bool> {
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let status = Command::new(cargo)

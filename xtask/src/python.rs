@@ -17,7 +17,7 @@ const LEAST: (u32, u32) = (3, 11);
 /// Torch without CUDA, 200 MB instead of 3 GB.
 const TORCH_INDEX: &str = "https://download.pytorch.org/whl/cpu";
 
-/// What a step does; whether it passed.
+/// A step's work; true if it passed.
 pub(crate) type Work = fn() -> Result<bool>;
 
 /// The steps by their names.

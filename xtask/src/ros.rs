@@ -14,7 +14,7 @@ use jostle_runs::output;
 use jostle_runs::provenance::workspace;
 use jostle_runs::tools::target_folder;
 
-/// What pip installs. The first four are unofficial builds of ROS 2 Kilted, good for tests.
+/// Packages that pip installs. The first four are unofficial builds of ROS 2 Kilted, good for tests.
 const PEERS: [&str; 6] = [
     "ros-rclpy[fastrtps]==9.1.2",
     "ros-sensor-msgs",

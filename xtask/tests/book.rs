@@ -111,7 +111,7 @@ fn check_plan(block: &Block, path: &Path, plan: &str) {
     assert!(answer.status.success(), "{}: {}", block.place, String::from_utf8_lossy(&answer.stderr));
 }
 
-/// Where a link of a page leads: another site (not asked), a file, a heading.
+/// The target of a page's link: another site (not asked), a file, a heading.
 fn resolve(page: &Path, target: &str) -> Result<(), String> {
     if target.starts_with("https://") || target.starts_with("http://") || target.starts_with("mailto:") {
         return Ok(());

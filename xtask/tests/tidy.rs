@@ -1,4 +1,4 @@
-//! What the compiler does not check: every source file introduces itself, the library crates keep their promises about
+//! Checks that the compiler does not make: every source file introduces itself, the library crates keep their promises about
 //! randomness, time and iteration order, and the crates depend on one another as ARCHITECTURE.md says.
 
 use std::collections::{BTreeMap, BTreeSet};

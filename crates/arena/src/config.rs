@@ -35,7 +35,7 @@ pub struct ArenaConfig {
     pub n_agents: usize,
     /// Root seed of starts, goals, noise and re-spawns.
     pub seed: u64,
-    /// What computes the networks of robot and pedestrians.
+    /// Back end that computes the networks of robot and pedestrians.
     pub backend: Backend,
     /// Crash of learned pedestrians. By their scan, as in training.
     pub learned_crash: PedestrianCrash,

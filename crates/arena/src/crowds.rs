@@ -37,7 +37,7 @@ impl Pools {
         &pool[..pool.len().min(n_pedestrians)]
     }
 
-    /// What the report says of a crowd's pool; `None` for crowds without.
+    /// The report's note on a crowd's pool; `None` for crowds without.
     pub fn note(&self, crowd: CrowdKind, n_pedestrians: usize) -> Option<PoolNote> {
         crowd.is_learned().then(|| PoolNote {
             policies: self.of(crowd, n_pedestrians).iter().map(|policy| policy.identity.clone()).collect(),
@@ -46,7 +46,7 @@ impl Pools {
     }
 }
 
-/// Which policies drove the pedestrians.
+/// The policies that drove the pedestrians.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PoolNote {
     /// In their order; pedestrian i is driven by policy i modulo their number.
@@ -56,7 +56,7 @@ pub struct PoolNote {
 }
 
 impl PoolNote {
-    /// Whether there are more pedestrians than policies, so that some share one.
+    /// True if there are more pedestrians than policies, so that some share one.
     pub fn is_cycled(&self) -> bool {
         self.policies.len() < self.n_pedestrians
     }

@@ -1,4 +1,4 @@
-//! Who can be named as a robot: a trained policy, or a planner.
+//! A robot's driver by name: a trained policy, or a planner.
 
 use crate::config::ArenaConfig;
 use crate::crowds::check_observation;
@@ -19,7 +19,7 @@ pub enum Driver {
 }
 
 impl Driver {
-    /// Who it is in records and reports.
+    /// Its identity in records and reports.
     pub fn identity(&self) -> PolicyIdentity {
         match self {
             Self::Trained(policy) => policy.identity.clone(),
@@ -27,7 +27,7 @@ impl Driver {
         }
     }
 
-    /// What has to be said of it in a report; `None` for a trained policy.
+    /// A report's remark on it; `None` for a trained policy.
     pub fn remark(&self) -> Option<String> {
         match self {
             Self::Trained(_) => None,

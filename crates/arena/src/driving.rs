@@ -1,4 +1,4 @@
-//! How a robot drives, beyond whether it arrives: nearness, time to collision, smoothness, stalling. Not of the paper.
+//! Measures of driving beyond arrival: nearness, time to collision, smoothness, stalling. Not of the paper.
 //!
 //! Reading order: [`Driving`] (an episode's values), [`DrivingMeter`] (how they are measured while it runs); `jostle_eval::driving`
 //! summarises them. Everything is f64; `docs/metrics.md` has the formulas with their reasons.
@@ -20,7 +20,7 @@ pub const TTC_LIMITS: [f64; 2] = [1.0, 2.0];
 /// A robot that drives more slowly than this stands (m/s).
 pub const STALL_SPEED: f64 = 0.05;
 
-/// How the robot drove in one episode. Steps are control periods; the one that ended the episode counts.
+/// The robot's driving in one episode. Steps are control periods; the one that ended the episode counts.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Driving {
@@ -36,7 +36,7 @@ pub struct Driving {
     pub mean_squared_jerk: f64,
     /// Steps in which the robot drove more slowly than [`STALL_SPEED`].
     pub stalled_steps: u64,
-    /// How many of them end the episode without a break.
+    /// Number of those at the end of the episode, without a break.
     pub final_stall_steps: u64,
 }
 

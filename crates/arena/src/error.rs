@@ -1,4 +1,4 @@
-//! What a room, a crowd or a robot refuses: where, what was found, what was expected.
+//! Refusals of a room, a crowd or a robot: the place, what was found, what was expected.
 
 use std::path::PathBuf;
 
@@ -16,7 +16,7 @@ pub enum ArenaError {
         field: &'static str,
         /// The value given.
         found: String,
-        /// What would be accepted.
+        /// The values that would be accepted.
         expected: String,
     },
     /// A learned crowd was asked for without policies to drive it.
@@ -37,7 +37,7 @@ pub enum ArenaError {
     /// No planner has this name.
     #[error("planner: found {name}, expected straight, brake, goal-seeker, dwa, orca or social-force{hint}")]
     UnknownPlanner {
-        /// What was asked for.
+        /// The name asked for.
         name: String,
         /// The names most like it, as the end of a message.
         hint: String,
@@ -55,7 +55,7 @@ pub enum ArenaError {
     Io {
         /// The file.
         file: PathBuf,
-        /// What was attempted.
+        /// The action attempted.
         action: &'static str,
         /// The system's reason.
         reason: std::io::Error,

@@ -1,4 +1,4 @@
-//! Which policy it was: enough to trace a record or a table's cell to config, seed and commit.
+//! A policy's identity: enough to trace a record or a table's cell to config, seed and commit.
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -6,7 +6,7 @@ use sha2::{Digest, Sha256};
 /// Identity of a policy. Fields that a policy of the user's own does not have are `None`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PolicyIdentity {
-    /// What to call it in a report.
+    /// Its name in a report.
     pub name: String,
     /// SHA-256 of the policy's file (hexadecimal); of its name and version for a policy without a file.
     pub sha256: String,
@@ -20,7 +20,7 @@ pub struct PolicyIdentity {
     pub updates: Option<u64>,
     /// Transitions seen in training.
     pub transitions: Option<u64>,
-    /// Who was no learner in its training rooms, as keys of `[training_crowd]` with their shares, such as "blind 0.5".
+    /// The members of its training rooms that did not learn, as keys of `[training_crowd]` with their shares, such as "blind 0.5".
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub trained_among: Vec<String>,
     /// The runs whose policies were its opponents in training.
@@ -58,12 +58,12 @@ impl PolicyIdentity {
         }
     }
 
-    /// Whether members of its training crowd were of this kind, by the key of `[training_crowd]`.
+    /// True if members of its training crowd were of this kind, by the key of `[training_crowd]`.
     pub fn was_among(&self, kind: &str) -> bool {
         self.trained_among.iter().any(|member| member.split(' ').next() == Some(kind))
     }
 
-    /// Whether it was trained against the run of the other policy, at whatever stage of it.
+    /// True if it was trained against the run of the other policy, at whatever stage of it.
     pub fn has_seen(&self, other: &Self) -> bool {
         let run = (other.config_hash.as_deref(), other.seed);
         self.opponents.iter().any(|seen| (Some(seen.config_hash.as_str()), Some(seen.seed)) == run)
@@ -81,7 +81,7 @@ impl PolicyIdentity {
     }
 }
 
-/// What a record says of its policy: hashes by their first 16 digits, to keep the records small.
+/// A record's reference to its policy: hashes by their first 16 digits, to keep the records small.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ProvenanceRef {

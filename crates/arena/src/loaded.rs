@@ -9,7 +9,7 @@ use serde::Deserialize;
 use crate::error::ArenaError;
 use crate::identity::{Opponent, PolicyIdentity, hex_sha256};
 
-/// What matters here of a training configuration.
+/// The part of a training configuration that matters here.
 #[derive(Deserialize)]
 struct TrainedWith {
     #[serde(default)]

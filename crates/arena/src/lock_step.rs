@@ -20,7 +20,7 @@ use crate::step::{RoomStepper, take_ended};
 ///
 /// # Errors
 ///
-/// What a room, the crowd or `finished` refuses; episodes handed on until then stand.
+/// The refusal of a room, the crowd or `finished`; episodes handed on until then are kept.
 pub fn run_episodes<E: From<ArenaError>>(
     plan: &RoomPlan,
     robot: &mut dyn Robot,

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use jostle_sim::Outcome;
 
-/// What the metrics need to know of the task.
+/// The numbers of the task that the metrics need.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MetricScale {
     /// Control period (s).

@@ -44,7 +44,7 @@ pub struct TraceFrame {
     pub pedestrians: Vec<Pedestrian>,
 }
 
-/// Which beams a trace keeps: every `stride`-th, so that at most `beams` remain of `total`; `beams` 0 counts as 1.
+/// The spacing of the beams that a trace keeps: every `stride`-th, so that at most `beams` remain of `total`; `beams` 0 counts as 1.
 ///
 /// # Examples
 ///

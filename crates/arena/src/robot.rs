@@ -1,4 +1,4 @@
-//! Who drives the robot: a trained policy, any function of the observation, or one who knows where everyone is.
+//! Drivers of the robot: a trained policy, any function of the observation, or one that knows everyone's position.
 //!
 //! Every [`RobotPolicy`] is a [`Robot`]. What reads more than the observation row implements [`Robot`] itself.
 
@@ -8,7 +8,7 @@ use jostle_policy::{Backend, Batch, Network, actor};
 use crate::error::ArenaError;
 use crate::loaded::LoadedPolicy;
 
-/// What there is to be known of a room at one step.
+/// Everything that can be known of a room at one step.
 #[derive(Clone, Copy, Debug)]
 pub struct RobotView<'a> {
     /// The robot's observation row: all that a policy may read.
@@ -22,7 +22,7 @@ pub struct RobotView<'a> {
 /// Views of rooms, one after the other.
 pub type Views<'r, 'v> = &'r mut dyn Iterator<Item = RobotView<'v>>;
 
-/// Who drives the robots of many rooms.
+/// The driver of the robots of many rooms.
 pub trait Robot: Send {
     /// Answers one action (v, ω) for each room. An action must be a function of its own room's view. `memory` is for
     /// gathering rows.

@@ -26,7 +26,7 @@ use crate::robot::RobotView;
 /// The robot's index among the bodies.
 const ROBOT: usize = 0;
 
-/// What all rooms of a cell have in common.
+/// The things that all rooms of a cell have in common.
 #[derive(Debug)]
 pub struct RoomPlan {
     /// Settings.
@@ -35,11 +35,11 @@ pub struct RoomPlan {
     pub crowd: CrowdName,
     /// The bodies that its pedestrians see.
     pub visibility: Visibility,
-    /// Whether they sense by laser.
+    /// True if they sense by laser.
     pub senses_by_laser: bool,
     /// Walls and obstacles.
     pub scenario: Scenario,
-    /// Where starts and goals may be.
+    /// The places where starts and goals may be.
     pub spawner: Spawner,
     /// When the robot, and a pedestrian that goes by its scan, has crashed.
     pub crash_rule: CrashRule,
@@ -97,7 +97,7 @@ impl RoomPlan {
         })
     }
 
-    /// How many pedestrians sense by laser.
+    /// Number of pedestrians that sense by laser.
     fn n_sensing(&self) -> usize {
         if self.senses_by_laser { self.config.n_pedestrians() } else { 0 }
     }
@@ -137,7 +137,7 @@ pub fn metric_scale(config: &ArenaConfig) -> MetricScale {
 pub struct FinishedEpisode {
     /// Its index.
     pub episode: u64,
-    /// How it ended.
+    /// Its outcome.
     pub outcome: Outcome,
     /// Steps until then.
     pub steps: u64,
@@ -169,7 +169,7 @@ pub struct ArenaRoom {
     speed_factor: Vec<f32>,
     /// In a scene: for each pedestrian the time from which on it stands whatever the crowd says (s), if there is one.
     stands_from: Vec<Option<f32>>,
-    /// Where pedestrians walk and stand in turns: each one's gait, with the stream of its draws.
+    /// The gaits of pedestrians that walk and stand in turns, each with the stream of its draws.
     gaits: Vec<(Gait, StreamRng)>,
     /// The speed factors of the next step: 0 for those that stand.
     pace: Vec<f32>,
@@ -177,7 +177,7 @@ pub struct ArenaRoom {
     ranges: Vec<f32>,
     summaries: Vec<ScanSummary>,
     motions: Vec<Motion>,
-    /// What stopped each body in the last step.
+    /// The thing that stopped each body in the last step.
     stops: Vec<Option<Stop>>,
     respawned: Vec<bool>,
     steps: u32,
@@ -312,12 +312,12 @@ impl ArenaRoom {
         self.world.body_clearance(ROBOT)
     }
 
-    /// What there is to be known for whoever drives the robot.
+    /// Everything that the robot's driver can know.
     pub fn robot_view(&self) -> RobotView<'_> {
         RobotView { row: self.robot_observation(), robot: self.robot(), pedestrians: &self.pedestrians }
     }
 
-    /// What the crowd may know; `others` holds the robot where the visibility matrix lets it be seen, else nothing.
+    /// Everything that the crowd may know; `others` holds the robot where the visibility matrix lets it be seen, else nothing.
     pub fn view<'a>(&'a self, others: &'a [Pedestrian]) -> RoomView<'a> {
         RoomView {
             pedestrians: &self.pedestrians,
@@ -327,7 +327,7 @@ impl ArenaRoom {
         }
     }
 
-    /// Whether the scene makes a pedestrian stand by now.
+    /// True if the scene makes a pedestrian stand by now.
     fn stands(&self, plan: &RoomPlan, pedestrian: usize) -> bool {
         let now = self.steps as f32 * plan.config.sim.episode.dt;
         self.stands_from.get(pedestrian).is_some_and(|from| from.is_some_and(|from| now >= from))
@@ -529,7 +529,7 @@ impl ArenaRoom {
         }
     }
 
-    /// Whether a pedestrian ran into a wall, an obstacle or another pedestrian. The robot does not count, and who stands by the
+    /// True if a pedestrian ran into a wall, an obstacle or another pedestrian. The robot does not count, and one that stands by the
     /// scene's will runs into nobody.
     fn has_crashed(&mut self, plan: &RoomPlan, body: usize) -> bool {
         // Who stands is run into by others.
@@ -556,7 +556,7 @@ impl ArenaRoom {
         }
     }
 
-    /// Whether a pedestrian that goes by its scan was stopped by something which no scan is certain to show.
+    /// True if a pedestrian that goes by its scan was stopped by something which no scan is certain to show.
     fn has_touched(&self, plan: &RoomPlan, body: usize) -> bool {
         plan.crash_rule.bodies_touch()
             && match self.stops[body] {
@@ -566,7 +566,7 @@ impl ArenaRoom {
             }
     }
 
-    /// Whether the robot may be what stopped a body: it is near, and nothing else is within reach of one step.
+    /// True if the robot may be what stopped a body: it is near, and nothing else is within reach of one step.
     fn touches_robot_alone(&self, plan: &RoomPlan, body: usize) -> bool {
         let reach = 2.0 * self.world.shape(body).circumradius() + step_length(self.motions[body], plan);
         let position = self.world.pose(body).position;

@@ -66,7 +66,7 @@ impl fmt::Display for Region {
     }
 }
 
-/// What the pedestrians of a group do beside what the crowd makes them do.
+/// Conduct of a group's pedestrians on top of the crowd's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Manner {
@@ -86,24 +86,24 @@ pub enum Manner {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GroupConfig {
-    /// How many.
+    /// Number of pedestrians.
     pub count: usize,
-    /// Where they start.
+    /// The region of their starts.
     pub start: Region,
-    /// Where they go. A pedestrian that arrives turns back to the start region, and so on.
+    /// The region of their goals. A pedestrian that arrives turns back to the start region, and so on.
     pub goal: Region,
-    /// What they do beside what the crowd makes them do.
+    /// Their conduct on top of the crowd's.
     #[serde(default)]
     pub manner: Manner,
 }
 
-/// Where the robot starts and where it goes.
+/// The robot's start and goal.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RobotWay {
-    /// Where it starts, facing its goal.
+    /// The region of its start; it faces its goal.
     pub start: Region,
-    /// Where its goal is.
+    /// The region of its goal.
     pub goal: Region,
 }
 
@@ -125,9 +125,9 @@ pub struct SceneConfig {
 /// Starts, goals and stops of an episode; the robot's are the first.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Placing {
-    /// Where bodies start.
+    /// The starts of the bodies.
     pub poses: Vec<Pose>,
-    /// Where they go.
+    /// Their goals.
     pub goals: Vec<Vec2>,
     /// For each pedestrian: from which time on it stands (s), if it does.
     pub stands_from: Vec<Option<f32>>,
@@ -330,7 +330,7 @@ impl Placing {
     }
 }
 
-/// What everyone keeps from walls and blocks at their start and their goal: enough that nobody has crashed there, by contact or
+/// Distance that everyone keeps from walls and blocks at their start and their goal: enough that nobody has crashed there, by contact or
 /// by their scan.
 fn clearance(sim: &SimConfig) -> f32 {
     let radius = Vec2::new(sim.robot.length, sim.robot.width).length() / 2.0;

@@ -1,4 +1,4 @@
-//! Where robots, pedestrians and their goals appear in the test's rooms, and what ends an episode by contact.
+//! Places of robots, pedestrians and their goals in the test's rooms, and the ends of episodes by contact.
 
 use std::io::Write as _;
 

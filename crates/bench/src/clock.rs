@@ -1,4 +1,4 @@
-//! How seconds are taken, and the median of rounds.
+//! Taking of seconds, and the median of rounds.
 //!
 //! Work on one thread is timed by what that thread has computed, so that a machine that is busy with other work does not
 //! distort it; work on several threads by the wall clock. The drivers in `peers/` do the same.
@@ -14,9 +14,9 @@ pub const ROUND_SECONDS: f64 = 0.4;
 /// One measured round.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Round {
-    /// How long it took.
+    /// Duration, s.
     pub seconds: f64,
-    /// How much was done: updates, calls or agent-steps.
+    /// Amount of work done: updates, calls or agent-steps.
     pub units: f64,
     /// A number that both sides should agree on, where the work has one.
     #[serde(default, skip_serializing_if = "Option::is_none")]

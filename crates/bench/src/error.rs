@@ -1,4 +1,4 @@
-//! What can go wrong before a measurement begins.
+//! Errors before a measurement begins.
 
 use thiserror::Error;
 

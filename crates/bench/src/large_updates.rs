@@ -1,4 +1,4 @@
-//! What a learner does in a large update, all of it but the simulator: actions step by step, values of the rollout, and shuffled
+//! A learner's work in a large update, all of it but the simulator: actions step by step, values of the rollout, and shuffled
 //! minibatches for actor and critic.
 //!
 //! As in work U the loss is the mean of the squared outputs, so that other software can do the same without the rest of PPO, which

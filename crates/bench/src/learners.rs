@@ -74,7 +74,7 @@ impl Learner {
         }
     }
 
-    /// What it is called in tables.
+    /// Its name in tables.
     pub fn name(&self) -> &'static str {
         self.name
     }

@@ -42,7 +42,7 @@ pub enum PeerWork {
 const ROWS_OF_A_ROUND: usize = 4000;
 
 impl PeerWork {
-    /// What a unit is.
+    /// The thing counted: one unit of the work.
     pub fn unit(self) -> &'static str {
         match self {
             Self::Update => "update",

@@ -13,7 +13,7 @@ use crate::error::BenchError;
 const ROOMS: u64 = 32;
 /// Steps that they have behind them: pedestrians walk by then, and scans differ from each other.
 const STEPS: usize = 30;
-/// What the robot does meanwhile.
+/// The robot's action meanwhile.
 const ACTION: [f32; 2] = [0.7, 0.1];
 
 /// A planner and rooms that it can be asked about, among four social-force pedestrians.

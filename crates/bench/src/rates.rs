@@ -1,4 +1,4 @@
-//! What the machine can do: yardsticks measured beside the work, on the same threads.
+//! Rates of the machine itself: yardsticks measured beside the work, on the same threads.
 
 use std::hint::black_box;
 

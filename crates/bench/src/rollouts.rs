@@ -11,7 +11,7 @@ const N_AGENTS: usize = 5;
 /// Behaviours M.
 const N_BEHAVIOURS: usize = 5;
 
-/// How inference and simulation follow each other.
+/// Order of inference and simulation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Order {
     /// Inference of all rooms, then simulation of all rooms; each is divided over the threads.
@@ -83,7 +83,7 @@ impl Acting {
         self.rooms.len()
     }
 
-    /// What all robots see now.
+    /// The present observations of all robots.
     pub fn observations(&self) -> &[f32] {
         self.rooms.observations()
     }

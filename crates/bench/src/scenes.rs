@@ -7,7 +7,7 @@ use jostle_sim::{Laser, Motion, Pose, Rooms, Sensor, Shape, SimConfig, StreamRng
 
 use crate::error::BenchError;
 
-/// What stands in a room.
+/// The walls, obstacles and bodies of a room.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Scene {
     /// Robots N.

@@ -25,7 +25,7 @@ pub struct DoctorArgs {
     runs: PathBuf,
 }
 
-/// How a check ended.
+/// The result of a check.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Verdict {
     Good,
@@ -209,7 +209,7 @@ fn checkout() -> Check {
     }
 }
 
-/// What killed runs left behind.
+/// Files that killed runs left behind.
 fn leftovers(folder: &Path) -> Result<Vec<Check>> {
     let mut found = Vec::new();
     search(folder, DEPTH, &mut found)?;

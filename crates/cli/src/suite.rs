@@ -15,7 +15,7 @@ use jostle_runs::output;
 use jostle_runs::run_folder::write_atomically;
 use jostle_study::cell::Cell;
 
-/// What is tested, and how long.
+/// The robot, the crowds and the number of episodes asked for.
 pub(crate) struct Asked<'a> {
     pub(crate) suite: Suite,
     pub(crate) driver: &'a Driver,

@@ -86,14 +86,14 @@ pub(crate) fn run(args: &TrainArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// What is kept of a run beside the checkpoints that its configuration asks for. None of it changes the curve.
+/// Files kept of a run beside the checkpoints that its configuration asks for. None of it changes the curve.
 #[derive(Clone, Debug)]
 pub(crate) struct Care {
     /// Time after which a checkpoint is written between two of the configuration's.
     every: Option<Duration>,
     /// Transitions after which the policy is kept, ascending.
     milestones: Vec<u64>,
-    /// Whether to wait where another process works in the folder, instead of failing.
+    /// True to wait where another process works in the folder, instead of failing.
     pub(crate) wait: bool,
 }
 
@@ -139,7 +139,7 @@ impl Care {
     }
 }
 
-/// What a call to [`train`] did.
+/// The result of a call to [`train`].
 pub(crate) struct Trained {
     /// Updates that were there before.
     found: u64,

@@ -1,4 +1,4 @@
-//! What a person looks at: pages, pictures, lists. Each must hold the data that it claims to show.
+//! Pages, pictures and lists that a person looks at. Each must hold the data that it claims to show.
 
 mod common;
 

@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use super::tensors::Tensors;
 
-/// What a file holds.
+/// The content of a file.
 pub(crate) enum Kind {
     Forward(Tensors),
     Ppo(Tensors),

@@ -11,7 +11,7 @@ use jostle_policy::{Backend, Batch, Layout, Network, NetworkConfig, Parameters, 
 /// A trunk with a head that selects.
 pub(crate) struct Probe {
     network: Box<dyn Network>,
-    /// Where each canonical entry stands in the back end's order.
+    /// Place of each canonical entry in the back end's order.
     native: Vec<usize>,
     layout: Layout,
     config: NetworkConfig,

@@ -104,7 +104,7 @@ impl Head {
     }
 }
 
-/// What follows `word` and a number with a colon; descriptions that merely begin with the word are none of ours.
+/// The text behind `word` and a number with a colon; descriptions that merely begin with the word are none of ours.
 fn numbered<'a>(comment: &'a str, word: &str) -> Option<&'a str> {
     let (number, rest) = comment.strip_prefix(word)?.split_once(':')?;
     number.parse::<usize>().ok().map(|_| rest)

@@ -106,7 +106,7 @@ impl Verdict {
         self.failures == 0 && self.comparisons > 0
     }
 
-    /// What was found, without the word PASS or FAIL.
+    /// The finding, without the word PASS or FAIL.
     pub(crate) fn summary(&self) -> String {
         let mut text = match &self.worst {
             Some(Worst { error, tolerance, what }) => {

@@ -18,7 +18,7 @@ pub enum InputNoise {
     Off,
 }
 
-/// Which form of the action q(z | s, a) is shown.
+/// Form of the action that q(z | s, a) is shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
@@ -49,9 +49,9 @@ pub struct DiscriminatorConfig {
     /// ≥ 0. Default 1.
     #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0)))]
     pub noise_scale: f64,
-    /// Whether the two action inputs of q(z | s, a) receive noise, too. Default true.
+    /// Noise on the two action inputs of q(z | s, a), too. Default true.
     pub noise_on_action: bool,
-    /// Which form of the action is shown to q(z | s, a). Default `executed`.
+    /// Form of the action that is shown to q(z | s, a). Default `executed`.
     pub action: ActionInput,
     /// Factor on the two action inputs of q(z | s, a), which stand against 1,540 others; > 0. Default 1.
     #[cfg_attr(feature = "schema", schemars(extend("exclusiveMinimum" = 0.0)))]

@@ -1,6 +1,6 @@
 //! The one error type of this crate.
 
-/// What can be wrong with the inputs of a diversity computation.
+/// Faults in the inputs of a diversity computation.
 #[derive(Debug, thiserror::Error)]
 pub enum DiversityError {
     /// A buffer's length does not fit the shape it is said to have.

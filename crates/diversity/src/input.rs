@@ -1,4 +1,4 @@
-//! What a discriminator reads: observation rows, with the action behind them for q(z | s, a), and training noise.
+//! The inputs of a discriminator: observation rows, with the action behind them for q(z | s, a), and training noise.
 //!
 //! The paper: "Adding one standard deviation of Gaussian noise to discriminator inputs helps prevent overfitting"
 //! (section "Training Procedure"). One standard deviation of *what* is left open; here it is each feature's own over

@@ -5,7 +5,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Which intrinsic reward is added to the task reward, before its weight α.
+/// The intrinsic reward that is added to the task reward, before its weight α.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]

@@ -37,7 +37,7 @@ const DECIMALS: usize = 7;
 /// One episode, as far as the tables need it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CompactEpisode {
-    /// How it ended.
+    /// Its outcome.
     pub outcome: Outcome,
     /// Time, way and extras.
     pub metrics: EpisodeMetrics,
@@ -61,7 +61,7 @@ struct Line {
 pub struct CompactHead {
     /// [`FORMAT`].
     pub format: String,
-    /// What the episodes depend on.
+    /// The key of everything that the episodes depend on.
     pub key: CellKey,
     /// The robot's policy.
     pub policy: PolicyIdentity,
@@ -74,7 +74,7 @@ pub struct CompactHead {
 /// A cell with its episodes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CompactCell {
-    /// What it is.
+    /// The kind of file and its version.
     pub head: CompactHead,
     /// The episodes, as written.
     lines: Vec<Line>,

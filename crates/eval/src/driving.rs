@@ -1,4 +1,4 @@
-//! How a robot drives over many episodes: means, shares and tails. Not of the paper.
+//! Driving over many episodes: means, shares and tails. Not of the paper.
 //!
 //! [`DrivingSummary`] sums up what `jostle_arena::driving` measures, and what follows from times and distances only. Everything is
 //! f64; `docs/metrics.md` has the formulas with their reasons.
@@ -20,7 +20,7 @@ pub const DEADLOCK_TIME: f64 = 5.0;
 /// Share of the episodes in the tail of the least clearances.
 pub const TAIL: f64 = 0.05;
 
-/// How the robot drove over a set of episodes. `None` where no episode has a value.
+/// The robot's driving over a set of episodes. `None` where no episode has a value.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DrivingSummary {
     /// Success weighted by path length: mean over all episodes of success × straight way over way.
@@ -47,10 +47,10 @@ pub struct DrivingSummary {
     pub deadlocks: Option<f64>,
 }
 
-/// What a summary needs of an episode.
+/// The part of an episode that a summary needs.
 #[derive(Clone, Copy, Debug)]
 pub struct Driven<'a> {
-    /// How it ended.
+    /// Its outcome.
     pub outcome: Outcome,
     /// Time and way.
     pub metrics: &'a EpisodeMetrics,

@@ -1,4 +1,4 @@
-//! What evaluation refuses: where, what was found, what was expected.
+//! Refusals of an evaluation: the place, what was found, what was expected.
 
 use std::path::PathBuf;
 
@@ -18,7 +18,7 @@ pub enum EvalError {
         field: &'static str,
         /// The value given.
         found: String,
-        /// What would be accepted.
+        /// The values that would be accepted.
         expected: String,
     },
     /// A file is no suite.
@@ -26,7 +26,7 @@ pub enum EvalError {
     Suite {
         /// The file.
         file: PathBuf,
-        /// What is wrong with it.
+        /// The fault.
         problem: String,
     },
     /// A line of a record file is not a record.
@@ -36,7 +36,7 @@ pub enum EvalError {
         file: PathBuf,
         /// Line number, from 1.
         line: usize,
-        /// What is wrong with it.
+        /// The fault.
         problem: String,
     },
     /// A record file holds records of another cell.
@@ -60,7 +60,7 @@ pub enum EvalError {
     Io {
         /// The file.
         file: PathBuf,
-        /// What was attempted.
+        /// The action attempted.
         action: &'static str,
         /// The system's reason.
         reason: std::io::Error,

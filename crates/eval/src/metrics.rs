@@ -47,10 +47,10 @@ pub struct DistanceCheck {
 }
 
 impl DistanceCheck {
-    /// What rounding may add (m).
+    /// Allowance for rounding (m).
     pub const TOLERANCE: f64 = 1e-6;
 
-    /// Whether no episode breaks the bound.
+    /// True if no episode breaks the bound.
     pub fn holds(&self) -> bool {
         self.violations == 0
     }

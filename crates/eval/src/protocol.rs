@@ -19,7 +19,7 @@ use jostle_arena::lock_step::run_episodes;
 use jostle_arena::robot::Robot;
 use jostle_arena::room::{FinishedEpisode, RoomPlan, metric_scale};
 
-/// Who is tested, and with which token.
+/// The robot that is tested, with its token.
 #[derive(Clone, Copy, Debug)]
 pub struct Subject<'a> {
     /// The policy's identity.
@@ -35,7 +35,7 @@ pub struct CellRun {
     pub result: CellResult,
     /// The records of the episodes asked for.
     pub records: Vec<EpisodeRecord>,
-    /// How many of them stood in the file already.
+    /// Number of those that were in the file already.
     pub reused: u64,
     /// Half a line that was cut off the file's end; to be told to the user.
     pub repaired: Option<TornTail>,

@@ -30,7 +30,7 @@ pub struct EpisodeRecord {
     pub crowd: CrowdName,
     /// The robot's behaviour token.
     pub token: u32,
-    /// How it ended.
+    /// Its outcome.
     pub outcome: Outcome,
     /// Steps until then.
     pub steps: u64,
@@ -50,10 +50,10 @@ pub struct EpisodeRecord {
     pub provenance: ProvenanceRef,
 }
 
-/// What stood behind a file's last complete line.
+/// The bytes behind a file's last complete line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TornTail {
-    /// Where it starts: the length of the sound part.
+    /// Their start: the length of the sound part.
     pub offset: u64,
     /// Its length.
     pub bytes: u64,
@@ -114,7 +114,7 @@ fn parse_records(path: &Path, text: &[u8]) -> Result<RecordFile, EvalError> {
     Ok(RecordFile { records, torn })
 }
 
-/// Whether a file already answers for a number of episodes of a cell.
+/// The answer to whether a file holds a number of episodes of a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Completeness {
     /// There is no such file.
@@ -128,7 +128,7 @@ pub enum Completeness {
     Complete,
 }
 
-/// Whether the file at `path` holds the first `episodes` episodes of a cell.
+/// Tells whether the file at `path` holds the first `episodes` episodes of a cell.
 ///
 /// # Errors
 ///

@@ -22,7 +22,7 @@ const FILE_MAX: u64 = 1 << 20;
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Suite {
-    /// What to call it.
+    /// Its name.
     pub name: String,
     /// Its scenes, in their order.
     #[serde(rename = "scene")]
@@ -33,7 +33,7 @@ pub struct Suite {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SuiteScene {
-    /// What to call it.
+    /// Its name.
     pub name: String,
     /// One line that says what it is.
     pub about: String,
@@ -107,7 +107,7 @@ impl SuiteScene {
     ///
     /// # Errors
     ///
-    /// What the scene's layout or number of agents breaks.
+    /// The layout or the number of agents of the scene, where it breaks a rule.
     pub fn config(&self, base: &ArenaConfig) -> Result<ArenaConfig, EvalError> {
         let mut config = base.clone();
         config.sim.room = RoomConfig::default();

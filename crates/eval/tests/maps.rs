@@ -54,7 +54,7 @@ fn write_grid(folder: &Path, side: u32, cell: f64, yaw: f64, is_free: impl Fn(DV
     std::fs::write(folder.join("m.yaml"), yaml).unwrap();
 }
 
-/// What walls do to someone at a place: the social force of all walls, m/s².
+/// The social force of all walls on someone at a place, m/s².
 fn wall_force(scenario: &Scenario, at: DVec2) -> DVec2 {
     let borders = Border::from_polygons(&scenario.boundary()).unwrap();
     let model = SocialForce::new(&SocialForceConfig::default()).unwrap();

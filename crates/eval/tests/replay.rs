@@ -39,7 +39,7 @@ fn a_trace_ends_as_its_record_says() {
     }
 }
 
-/// What must hold in every trace.
+/// Checks that hold in every trace.
 fn check(trace: &EpisodeTrace) {
     let finished = &trace.finished;
     assert_eq!(trace.frames.len() as u64, finished.steps + 1);

@@ -12,7 +12,7 @@ use jostle_sim::Laser;
 
 const WALKERS: [CrowdKind; 2] = [CrowdKind::Straight, CrowdKind::StopAndGo];
 
-/// What the pedestrians of an episode do while the robot repeats an action: their velocities at each step.
+/// Velocities of the pedestrians of an episode while the robot repeats an action, at each step.
 fn velocities(config: &ArenaConfig, crowd: CrowdKind, episode: u64, action: [f32; 2]) -> Vec<Vec<Vec2>> {
     let protocol = Protocol::new(config.clone(), Pools::default()).unwrap();
     let plan = RoomPlan::new(config, crowd).unwrap();
@@ -69,7 +69,7 @@ fn a_stop_and_go_walker_has_two_speeds_one_of_them_zero() {
     assert!((20..=70).contains(&stops), "{stops} stops");
 }
 
-/// What they do is the same whatever the robot does, for as long as both episodes last.
+/// The walkers do the same whatever the robot does, for as long as both episodes last.
 #[test]
 fn walkers_do_not_see_the_robot() {
     for crowd in WALKERS {

@@ -1,4 +1,4 @@
-//! Who sees whom: what the robot does must not matter to a crowd that cannot see it, and must to one that can.
+//! Visibility: the robot's actions must not matter to a crowd that cannot see it, and must to one that can.
 
 mod common;
 
@@ -10,7 +10,7 @@ use jostle_eval::Protocol;
 use jostle_peds::{Command, CrowdKind};
 use jostle_sim::Laser;
 
-/// Where the pedestrians of an episode go while the robot repeats an action; stops with the robot's episode, or where a
+/// Ways of the pedestrians of an episode while the robot repeats an action; they stop with the robot's episode, or where a
 /// pedestrian was re-spawned (its new place keeps clear of the robot, seen or not).
 fn walk(config: &ArenaConfig, crowd: CrowdKind, episode: u64, action: [f32; 2]) -> Vec<Vec<Vec2>> {
     let protocol = Protocol::new(config.clone(), pools()).unwrap();
@@ -36,7 +36,7 @@ fn walk(config: &ArenaConfig, crowd: CrowdKind, episode: u64, action: [f32; 2]) 
     }
 }
 
-/// Whether the crowd's paths are the same as long as both last, over a few episodes.
+/// True if the crowd's paths are the same as long as both last, over a few episodes.
 fn ignores_the_robot(config: &ArenaConfig, crowd: CrowdKind) -> bool {
     let mut compared = 0;
     let same = (0..4).all(|episode| {

@@ -6,7 +6,7 @@ pub enum ExportError {
     /// A behaviour token that the policy does not have.
     #[error("token: found {found}, expected 0 to {} (the policy has {n_behaviours} behaviours)", n_behaviours - 1)]
     Token {
-        /// What was asked for.
+        /// The token asked for.
         found: u32,
         /// Behaviours of the policy.
         n_behaviours: usize,

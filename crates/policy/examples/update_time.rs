@@ -1,4 +1,4 @@
-//! Where an update's time goes: the learner's part alone, phase by phase, and the actor's
+//! An update's time by its parts: the learner's part alone, phase by phase, and the actor's
 //! inference.
 //!
 //! ```text

@@ -1,4 +1,4 @@
-//! What the encoder reads out of an observation row, on scenes made by hand, and the networks
+//! The encoder's reading of an observation row, on scenes made by hand, and the networks
 //! behind it.
 
 use std::f32::consts::TAU;

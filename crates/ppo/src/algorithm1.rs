@@ -88,7 +88,7 @@ pub struct Trainer {
     pub(crate) rollout: Rollout,
     inputs: Inputs,
     pub(crate) population: Option<Population>,
-    /// How well the behaviours drive, where their diversity is constrained.
+    /// Returns of the behaviours, where their diversity is constrained.
     pub(crate) standing: Option<Standing>,
     /// The agents that the present policy drives in the present step.
     driven: Vec<u32>,
@@ -137,7 +137,7 @@ impl Trainer {
     ///
     /// # Errors
     ///
-    /// What [`Config::validate`] refuses; [`PpoError::Sim`] when the room has no place for the agents;
+    /// The refusal of [`Config::validate`]; [`PpoError::Sim`] when the room has no place for the agents;
     /// [`PpoError::Threads`] when no thread can be started.
     pub fn new(config: Config) -> Result<Self, PpoError> {
         config.validate()?;
@@ -215,7 +215,7 @@ impl Trainer {
         self.actor.parameters()
     }
 
-    /// Whether the configured number of updates is done (line 3).
+    /// True if the configured number of updates is done (line 3).
     pub fn is_done(&self) -> bool {
         self.update >= self.config.updates
     }
@@ -308,7 +308,7 @@ impl Trainer {
         })
     }
 
-    /// What all agents see now, as the networks read it, appended to the rollout.
+    /// Appends to the rollout what all agents see now, as the networks read it.
     fn observe(&mut self) -> Result<(), PpoError> {
         let rows = self.inputs.encode(self.rooms.observations());
         self.rollout.push_observations(rows, self.rooms.tokens(), self.update)
@@ -450,7 +450,7 @@ impl Trainer {
     }
 }
 
-/// What the four learners share while they learn from one rollout.
+/// Things that the four learners share while they learn from one rollout.
 #[derive(Clone, Copy)]
 struct UpdateContext<'a> {
     config: &'a Config,

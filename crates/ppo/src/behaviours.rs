@@ -1,4 +1,4 @@
-//! What each behaviour does in the training world, and what it is paid for it: a look at a trainer without learning.
+//! Each behaviour's conduct in the training world, and its pay for it: a look at a trainer without learning.
 //!
 //! The curves of a run are means over all behaviours. They do not show one that stands still for its intrinsic reward
 //! while the others arrive.
@@ -17,7 +17,7 @@ use crate::{Clock, PpoError};
 pub struct BehaviourReport {
     /// Transitions made with this token.
     pub transitions: u64,
-    /// How its episodes ended.
+    /// The outcomes of its episodes.
     pub episodes: EpisodeCounts,
     /// Mean executed forward speed, m/s.
     pub speed: f64,

@@ -33,7 +33,7 @@ use crate::{Config, PpoError, Trainer};
 const COUNT_MAX: u64 = 1 << 53;
 /// The metadata that names the opponents which came from files.
 const OPPONENTS: &str = "opponents";
-/// How well each behaviour drives.
+/// Returns of each behaviour.
 const STANDING: &str = "state.standing";
 /// Metadata: the hash of the map's content.
 const MAP: &str = "map_sha256";
@@ -170,7 +170,7 @@ impl Trainer {
         metadata
     }
 
-    /// Who the opponents of the population's files are; `None` without a population.
+    /// The identities of the opponents of the population's files; `None` without a population.
     fn opponents_json(&self) -> Option<String> {
         let population = self.population.as_ref()?;
         Some(serde_json::to_string(population.records()).expect("records are plain data"))
@@ -192,7 +192,7 @@ impl Trainer {
         population.restore(|name, len| Ok(file.f32s(name, &[len])?))
     }
 
-    /// Where the policy comes from, as checkpoints and reports state it.
+    /// The policy's origin, as checkpoints and reports state it.
     pub fn provenance(&self) -> Provenance {
         Provenance {
             config_hash: self.config.hash(),
@@ -210,7 +210,7 @@ impl Trainer {
     }
 }
 
-/// Where the checkpoint before `path` is kept: `.previous` behind the name.
+/// Path of the checkpoint before the one at `path`: `.previous` behind the name.
 pub fn previous_path(path: &Path) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(".previous");

@@ -47,7 +47,7 @@ pub struct Config {
     /// Worker threads; 0 takes one for each core. Default 0. Does not change a bit of the curve.
     #[cfg_attr(feature = "schema", schemars(extend("maximum" = 1024)))]
     pub threads: usize,
-    /// What computes the networks: `fast` (own kernels on the CPU) or `reference` (candle). Default `fast`.
+    /// Back end of the networks: `fast` (own kernels on the CPU) or `reference` (candle). Default `fast`.
     pub backend: Backend,
     /// Agents in a room, the paper's N (alias `N`); 1 to 1000. Default 5 (paper).
     #[cfg_attr(feature = "schema", schemars(extend("minimum" = 1, "maximum" = 1000, "origin" = "paper")))]
@@ -104,7 +104,7 @@ pub struct Config {
     /// for `state`).
     #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "origin" = "paper; its ablations use 0.01 for `state_action` and 0.03 for `state`")))]
     pub alpha: f64,
-    /// What α weighs: the intrinsic `reward` of a step (the paper's Algorithm 1, line 8) or the intrinsic `advantage` (the
+    /// Target of α: the intrinsic `reward` of a step (the paper's Algorithm 1, line 8) or the intrinsic `advantage` (the
     /// paper's table calls α "advantage weight"). Default `reward`.
     pub alpha_weighs: AlphaWeighs,
     /// With more than one behaviour, those whose mean return (of the task, over an episode) is further than this below the best so
@@ -114,9 +114,9 @@ pub struct Config {
     pub diversity_margin: f64,
     /// `difference` (paper), `state_action`, `state` (DIAYN) or `none`.
     pub intrinsic_reward: IntrinsicReward,
-    /// Whether log M is added to the rewards `state_action` and `state`, as DIAYN does. Default false.
+    /// Adds log M to the rewards `state_action` and `state`, as DIAYN does. Default false.
     pub add_log_m: bool,
-    /// Whether a time limit's cut bootstraps with V of the episode's last observation. Default false (lineage).
+    /// Bootstraps with V of the episode's last observation where the time limit cuts it. Default false (lineage).
     #[cfg_attr(feature = "schema", schemars(extend("origin" = "lineage")))]
     pub bootstrap_truncation: bool,
     /// The simulator.
@@ -133,7 +133,7 @@ pub struct Config {
     pub discriminator: DiscriminatorConfig,
 }
 
-/// What the weight α stands before.
+/// The quantity that α weighs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
@@ -178,7 +178,7 @@ pub struct NetworkSection {
     /// Initial log standard deviation of both action dimensions. Default 0 (lineage).
     #[cfg_attr(feature = "schema", schemars(extend("origin" = "lineage")))]
     pub log_std_init: f32,
-    /// What the network reads: every beam of the `scans` (paper), or `motion`, the bodies around with their velocities
+    /// Inputs of the network: every beam of the `scans` (paper), or `motion`, the bodies around with their velocities
     /// and when each way would meet them, which takes a laser that sees all round. Default `scans`.
     #[cfg_attr(feature = "schema", schemars(extend("default" = "scans")))]
     #[serde(skip_serializing_if = "is_default")]
@@ -190,7 +190,7 @@ pub struct NetworkSection {
     pub scan_pool: usize,
 }
 
-/// What a network reads.
+/// The inputs of a network.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]

@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 /// Episodes in which the memory of a mean halves.
 const HALF_LIFE: f64 = 200.0;
 
-/// How well each behaviour drives, and how well any has driven.
+/// The return of each behaviour, and the best that any has had.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Standing {
@@ -42,7 +42,7 @@ impl Standing {
         self.means.len()
     }
 
-    /// Whether it can be the state of a run: as many counts as means, all of them finite.
+    /// True if it can be the state of a run: as many counts as means, all of them finite.
     pub(crate) fn is_sound(&self) -> bool {
         let finite = |mean: &Option<f64>| mean.is_none_or(f64::is_finite);
         self.ended.len() == self.means.len() && self.means.iter().chain([&self.best]).all(finite)
@@ -66,7 +66,7 @@ impl Standing {
         }
     }
 
-    /// Whether a behaviour drives well enough to be paid for its difference; before the best is known everyone is.
+    /// True if a behaviour drives well enough to be paid for its difference; before the best is known everyone is.
     pub(crate) fn is_paid(&self, behaviour: usize, margin: f64) -> bool {
         match (self.means[behaviour], self.best) {
             (Some(mean), Some(best)) => mean >= best - margin,

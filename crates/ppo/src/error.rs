@@ -12,9 +12,9 @@ pub enum PpoError {
         location: String,
         /// Dotted path of the key.
         field: String,
-        /// What stands there.
+        /// The value found.
         found: String,
-        /// What would be accepted.
+        /// The values that would be accepted.
         expected: String,
     },
     /// A configuration file or an override is not TOML at all.
@@ -30,7 +30,7 @@ pub enum PpoError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What was attempted.
+        /// The action attempted.
         action: &'static str,
         /// The system's reason.
         reason: std::io::Error,
@@ -42,9 +42,9 @@ pub enum PpoError {
         path: PathBuf,
         /// The tensor, the metadata key or the part of the format.
         field: String,
-        /// What stands there.
+        /// The value found.
         found: String,
-        /// What should stand there.
+        /// The value expected.
         expected: String,
     },
     /// A number that is not finite stopped the run; the last checkpoint is untouched.
@@ -52,9 +52,9 @@ pub enum PpoError {
     NotFinite {
         /// The update that was being computed, counted from 1.
         update: u64,
-        /// Which tensor.
+        /// The tensor.
         tensor: String,
-        /// Which agent (room · N + agent), where the tensor belongs to one.
+        /// The agent (room · N + agent), where the tensor belongs to one.
         agent: Option<usize>,
     },
     /// The simulator refused its configuration or a state.
@@ -69,7 +69,7 @@ pub enum PpoError {
     /// The thread pool could not be started.
     #[error("cannot start {threads} threads: {reason}")]
     Threads {
-        /// How many were asked for.
+        /// The number asked for.
         threads: usize,
         /// The system's reason.
         reason: String,

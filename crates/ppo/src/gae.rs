@@ -8,7 +8,7 @@
 //! The paper's line 9 sums the undelayed `δ_t`; the sum meant, here and in its source, is over
 //! `δ_{t+l}` (Schulman et al., arXiv:1506.02438, Eq. 16).
 
-/// How a step relates to its episode, with what stands behind the step.
+/// A step's relation to its episode, with the value behind the step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum StepFate {
     /// The episode goes on.
@@ -18,7 +18,7 @@ pub enum StepFate {
     /// The time limit cut the episode. `bootstrap_value` is V of its last observation, or 0 where truncation is not
     /// bootstrapped.
     Truncated {
-        /// What stands behind the cut.
+        /// The value behind the cut.
         bootstrap_value: f64,
     },
 }

@@ -72,7 +72,7 @@ impl Learner {
     }
 }
 
-/// Where the values of a tensor stand in the network's own order: marks sent through the permutation.
+/// Places of a tensor's values in the network's own order: marks sent through the permutation.
 fn native_places(network: &dyn Network, tensor: &str) -> Vec<usize> {
     let Some(range) = network.layout().range(tensor) else { return Vec::new() };
     let place_of = |canonical: usize| {

@@ -8,7 +8,7 @@ use jostle_policy::DiagonalGaussian;
 /// Number of action dimensions: linear velocity v and angular velocity ω.
 pub const N_ACTIONS: usize = 2;
 
-/// What the policy's loss needs of one rollout, in rollout order.
+/// The part of one rollout that the policy's loss needs, in rollout order.
 #[derive(Debug, Clone, Copy)]
 pub struct PolicyTargets<'a> {
     /// Sampled, unclipped actions.
@@ -49,7 +49,7 @@ pub struct PolicyLoss {
 
 /// Clipped surrogate with entropy bonus over the minibatch `rows`; writes ∂loss/∂means to `d_means`.
 ///
-/// Where clipping is active the gradient of a row is 0; a ratio exactly on the edge counts as unclipped.
+/// The gradient of a row is 0 where clipping is active; a ratio exactly on the edge counts as unclipped.
 ///
 /// # Shapes
 ///

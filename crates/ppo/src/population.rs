@@ -1,7 +1,7 @@
 //! A population: frozen policies that drive a share of the agents, read from files or kept from the run's own past.
 //!
-//! How large the share is says `training_crowd.opponents`; who is an opponent in an episode, and which, is drawn by the
-//! rooms. An opponent sees everyone and acts on the mean of its policy, as pedestrians of a test do, at the crowd's speed.
+//! `training_crowd.opponents` is the share of opponents; the rooms draw who is one in an episode, and which.
+//! An opponent sees everyone and acts on the mean of its policy, as pedestrians of a test do, at the crowd's speed.
 //!
 //! The run's own past is a ring of snapshots. Until one is taken its place holds the policy that the run began with. A
 //! snapshot replaces the oldest; whoever is driven by that one goes on with the new one.
@@ -18,7 +18,7 @@ use crate::config::Config;
 use crate::learner::Learner;
 use crate::{PpoError, config};
 
-/// Which frozen policies the opponents of a training crowd are; the `[population]` part of a training file.
+/// The frozen policies that are the opponents of a training crowd; the `[population]` part of a training file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
@@ -45,12 +45,12 @@ impl Default for PopulationConfig {
 }
 
 impl PopulationConfig {
-    /// How many policies there are to choose from.
+    /// Number of policies to choose from.
     pub fn len(&self) -> usize {
         self.files.len() + self.past
     }
 
-    /// Whether there is none.
+    /// True if there is none.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

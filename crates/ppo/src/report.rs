@@ -1,4 +1,4 @@
-//! What one update tells: results, which are the same bytes in every repetition, and seconds, which are not.
+//! The report of one update: results, which are the same bytes in every repetition, and seconds, which are not.
 
 use jostle_sim::{Outcome, StepEnd};
 use serde::{Deserialize, Serialize};
@@ -49,10 +49,10 @@ pub struct UpdateReport {
     /// Behaviours whose diversity was paid in this update; `None` where diversity is not constrained.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub paid_behaviours: Option<u64>,
-    /// What nobody learned from; `None` where there is no training crowd.
+    /// Agents that nobody learned from; `None` where there is no training crowd.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub crowd: Option<CrowdReport>,
-    /// Where the time went.
+    /// Seconds by their use.
     pub clock: Clock,
 }
 
@@ -64,7 +64,7 @@ pub struct CrowdReport {
     /// Steps of agents that were not in the room.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub away: u64,
-    /// How their episodes ended.
+    /// The outcomes of their episodes.
     pub episodes: EpisodeCounts,
 }
 
@@ -73,7 +73,7 @@ fn is_zero(value: &u64) -> bool {
     *value == 0
 }
 
-/// How the episodes of a rollout ended.
+/// The outcomes of the episodes of a rollout.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct EpisodeCounts {
     /// Ended in this rollout, in any way.

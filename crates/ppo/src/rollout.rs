@@ -26,7 +26,7 @@ pub struct Rollout {
     tokens: Vec<u32>,
     /// Sampled actions, unclipped.
     pub(crate) actions: Vec<[f32; 2]>,
-    /// What the robots executed.
+    /// The actions that the robots executed.
     pub(crate) executed: Vec<[f32; 2]>,
     /// `log π_old(a | s, z)`.
     pub(crate) log_probs: Vec<f64>,
@@ -35,7 +35,7 @@ pub struct Rollout {
     /// Intrinsic rewards, without α.
     pub(crate) intrinsic: Vec<f64>,
     fates: Vec<StepFate>,
-    /// Where the row of a step and an agent is among the learners' rows; `None` where nobody learns from it.
+    /// Place of the row of a step and an agent among the learners' rows; `None` where nobody learns from it.
     places: Vec<Option<u32>>,
     n_learned: usize,
     /// Rows whose episode was truncated, with its last observation (kept where truncation is bootstrapped).
@@ -95,7 +95,7 @@ impl Rollout {
         self.n_steps * self.n_agents
     }
 
-    /// Whether there is no transition.
+    /// True if there is no transition.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

@@ -16,10 +16,10 @@ const ROWS: usize = 64;
 const MINIBATCH: usize = 32;
 const M: usize = 5;
 const LEARNING_RATE: f64 = 5e-5;
-/// How far a parameter can travel: Adam moves it by about the learning rate in a step.
+/// Bound on a parameter's travel: Adam moves it by about the learning rate in a step.
 const TRAVEL: f64 = LEARNING_RATE * (UPDATES * EPOCHS * ROWS / MINIBATCH) as f64;
 
-/// What one rollout gives all learners.
+/// One rollout's data for all learners.
 struct Rollout {
     observations: Vec<f32>,
     tokens: Vec<u32>,

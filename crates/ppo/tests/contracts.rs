@@ -101,7 +101,7 @@ fn a_resumed_run_ends_with_the_bytes_of_an_uninterrupted_one() {
     }
 }
 
-/// What switches a training crowd on in the tiny run.
+/// The keys that switch a training crowd on in the tiny run.
 const CROWD: [&str; 11] = [
     "n_agents=3",
     "training_crowd.blind=0.2",

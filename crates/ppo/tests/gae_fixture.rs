@@ -7,7 +7,7 @@ fn numbers(value: &Value) -> Vec<f64> {
     value.as_array().expect("a list").iter().map(|x| x.as_f64().expect("a number")).collect()
 }
 
-/// What became of step `t` of an agent, with or without a bootstrap at truncation.
+/// The fate of step `t` of an agent, with or without a bootstrap at truncation.
 fn fate(agent: &Value, t: usize, bootstrap: bool) -> StepFate {
     let flag = |name: &str| agent[name][t].as_bool().expect("a flag");
     if flag("terminated") {

@@ -1,4 +1,4 @@
-//! What an update does: ratios, rewards, discriminators, and a policy that improves.
+//! The effects of an update: ratios, rewards, discriminators, and a policy that improves.
 
 mod common;
 

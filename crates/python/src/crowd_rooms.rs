@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 use crate::picture::{PEDESTRIAN, Painter, Picture, ROBOT};
 use crate::settings::Settings;
 
-/// What one step gave one room.
+/// One room's share of one step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RoomStep {
     /// The environment's reward.
@@ -37,7 +37,7 @@ pub struct EpisodeEnd {
     pub min_clearance: f32,
 }
 
-/// What rooms have to be told to go on where others were: what they are, and what each has done since its episode began.
+/// The snapshot with which other rooms go on where these were: their settings, and the actions of each since its episode began.
 /// They are deterministic, so that this is all of their state.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -132,7 +132,7 @@ impl CrowdRooms {
         })
     }
 
-    /// What other rooms of the same settings need to go on as these do.
+    /// The snapshot with which other rooms of the same settings go on as these do.
     pub fn snapshot(&self) -> Snapshot {
         let room = |(room, course): (&ArenaRoom, &Course)| RoomSnapshot {
             seed: course.seed,
@@ -239,7 +239,7 @@ impl CrowdRooms {
         Ok(())
     }
 
-    /// Whether a step hands work to other threads.
+    /// True if a step hands work to other threads.
     pub fn needs_threads(&self) -> bool {
         self.rooms.len() > 1 || self.plan.senses_by_laser
     }
@@ -249,7 +249,7 @@ impl CrowdRooms {
         &self.rooms
     }
 
-    /// What the rooms have in common.
+    /// The things that the rooms have in common.
     pub fn plan(&self) -> &RoomPlan {
         &self.plan
     }

@@ -1,4 +1,4 @@
-//! What `pip install .` puts under the Python package `jostle`: rooms to train in and to be tested in.
+//! The extension module under the Python package `jostle`: rooms to train in and to be tested in.
 //!
 //! Reading order: [`settings`] (what a Python caller may set), [`crowd_rooms`] (a robot among a crowd, many rooms at once),
 //! [`robot_rooms`] (several robots in one room), [`picture`] (either from above), [`finite`] (the gate before a policy),

@@ -18,11 +18,11 @@ pub struct RobotRoom {
     min_clearance: Vec<f32>,
     seed: u64,
     n_behaviours: u32,
-    /// What was executed since the episodes began.
+    /// The actions executed since the episodes began.
     actions: Vec<Vec<[f32; 2]>>,
 }
 
-/// What a room has to be told to go on where another was: it is deterministic, so that this is all of its state.
+/// The snapshot with which a room goes on where another was: it is deterministic, so that this is all of its state.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Snapshot {
@@ -54,7 +54,7 @@ impl RobotRoom {
         })
     }
 
-    /// What another room needs to go on as this one does. `settings` tells its configuration from others.
+    /// The snapshot with which another room goes on as this one does. `settings` tells its configuration from others.
     pub fn snapshot(&self, settings: String) -> Snapshot {
         let (seed, n_agents, n_behaviours) = (self.seed, self.present.len(), self.n_behaviours);
         Snapshot { settings, seed, n_agents, n_behaviours, actions: self.actions.clone() }
@@ -96,7 +96,7 @@ impl RobotRoom {
         self.rooms.config()
     }
 
-    /// Where a robot stands, or stood when its episode ended in the last step.
+    /// The place of a robot, or its place when its episode ended in the last step.
     pub fn whereabouts(&self, agent: usize) -> Whereabouts {
         self.rooms.whereabouts(agent)
     }
@@ -111,12 +111,12 @@ impl RobotRoom {
         self.rooms.tokens()
     }
 
-    /// Which robots are still in the room.
+    /// The robots that are still in the room.
     pub fn present(&self) -> &[bool] {
         &self.present
     }
 
-    /// What a robot sees, or saw when its episode ended in the last step. The row of one that left before means nothing.
+    /// A robot's observation, or its last when its episode ended in the last step. The row of one that left before means nothing.
     pub fn observation(&self, agent: usize) -> &[f32] {
         if self.rooms.transitions()[agent].end.is_running() {
             let width = self.rooms.config().observation_len();

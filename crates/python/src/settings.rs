@@ -1,4 +1,4 @@
-//! What a Python caller may set: a training file, keys of it, the crowd, the number of pedestrians, who sees the robot.
+//! The settings of a Python caller: a training file, keys of it, the crowd, the number of pedestrians, who sees the robot.
 
 use std::path::{Path, PathBuf};
 
@@ -80,7 +80,7 @@ pub fn trained(mut sim: SimConfig, n_agents: usize, overrides: &[String]) -> Res
     Config::parse(&config.canonical_toml(), "settings", overrides)
 }
 
-/// What a configuration's map holds that is not read, one line each.
+/// The keys of a configuration's map that are not read, one line each.
 ///
 /// # Errors
 ///

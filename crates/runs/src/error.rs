@@ -12,7 +12,7 @@ pub enum RunsError {
     Io {
         /// The file or folder.
         path: PathBuf,
-        /// What was attempted.
+        /// The action attempted.
         action: &'static str,
         /// The system's reason.
         reason: std::io::Error,
@@ -22,7 +22,7 @@ pub enum RunsError {
     Missing {
         /// The path.
         path: PathBuf,
-        /// What could stand there.
+        /// The values that would be accepted.
         expected: &'static str,
         /// The nearest names, as the end of a message.
         hint: String,

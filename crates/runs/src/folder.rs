@@ -29,7 +29,7 @@ pub fn checkpoint_name(update: u64) -> String {
     format!("{update:06}.safetensors")
 }
 
-/// Where the checkpoint after `update` updates of the run in `folder` belongs.
+/// Path of the checkpoint after `update` updates of the run in `folder`.
 pub fn checkpoint_path(folder: &Path, update: u64) -> PathBuf {
     folder.join(CHECKPOINTS).join(checkpoint_name(update))
 }
@@ -64,7 +64,7 @@ pub fn read_optional(path: &Path) -> Result<Option<String>, RunsError> {
     }
 }
 
-/// What a folder holds, in the order of the names.
+/// The entries of a folder, in the order of the names.
 ///
 /// # Errors
 ///

@@ -17,7 +17,7 @@ pub struct Key {
     pub path: String,
     /// Its part of the [`schema`].
     pub schema: Value,
-    /// Whether it may be left out without a default taking its place.
+    /// True if it may be left out without a default taking its place.
     pub optional: bool,
 }
 
@@ -27,12 +27,12 @@ impl Key {
         self.schema["description"].as_str().unwrap_or_default()
     }
 
-    /// Whether it holds other keys.
+    /// True if it holds other keys.
     pub fn is_section(&self) -> bool {
         self.schema["type"] == "object"
     }
 
-    /// Whether it is a key of this section, or of one within.
+    /// True if it is a key of this section, or of one within.
     pub fn is_in(&self, section: &Self) -> bool {
         self.path.strip_prefix(&section.path).is_some_and(|rest| rest.starts_with('.'))
     }
@@ -81,7 +81,7 @@ fn list(schema: &Value, raw: &Value, stored: &Value, prefix: &str, keys: &mut Ve
     }
 }
 
-/// What a schema accepts beside null, if it accepts null: an option is left out of a file, for TOML has no null.
+/// The part of a schema beside null, if it accepts null: an option is left out of a file, for TOML has no null.
 fn without_null(schema: &Value) -> Option<&Value> {
     let is_null = |schema: &Value| schema["type"] == "null";
     if let Some(choices) = schema["anyOf"].as_array() {
@@ -200,7 +200,7 @@ mod tests {
 
     use super::{defaults, keys, settings};
 
-    /// What `explain` and `compare` say of a key that is not stored is what the key is.
+    /// The default of the schema, which `explain` and `compare` print, is the key's default.
     #[test]
     fn every_default_of_the_schema_is_the_default() {
         let defaults = defaults().unwrap();

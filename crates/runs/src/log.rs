@@ -9,7 +9,7 @@ use jostle_ppo::{Config, UpdateReport};
 use crate::folder::{is_run_folder, read_optional};
 use crate::run_folder::is_locked;
 
-/// What a run is doing.
+/// The present state of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum State {
     /// All updates are made.
@@ -22,7 +22,7 @@ pub enum State {
 
 /// A run's configuration and log.
 pub struct RunLog {
-    /// Where it is.
+    /// Its folder.
     pub folder: PathBuf,
     /// The folder's name.
     pub name: String,
@@ -63,7 +63,7 @@ impl RunLog {
         Ok(Self { folder: folder.to_owned(), name, config, reports, torn: whole < text.len() })
     }
 
-    /// Whether it is finished, running or stopped.
+    /// Tells whether it is finished, running or stopped.
     pub fn state(&self) -> Result<State> {
         let held = is_locked(&self.folder)?;
         Ok(match () {
@@ -85,7 +85,7 @@ impl RunLog {
         (counts.ended > 0).then(|| counts.success as f64 / counts.ended as f64)
     }
 
-    /// How the training episodes of the `window` updates up to `end` ended.
+    /// The outcomes of the training episodes of the `window` updates up to `end`.
     pub fn episodes(&self, end: usize, window: usize) -> EpisodeCounts {
         self.window(end, window).iter().fold(EpisodeCounts::default(), |sum, r| EpisodeCounts {
             ended: sum.ended + r.episodes.ended,
@@ -107,13 +107,13 @@ impl RunLog {
         (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
     }
 
-    /// What tells this run apart from others but its seed: runs that agree in it are repetitions.
+    /// The text that tells this run apart from others but its seed: runs that agree in it are repetitions.
     pub fn recipe(&self) -> String {
         Config { seed: 0, ..self.config.clone() }.hash()
     }
 }
 
-/// How deep folders are searched for runs.
+/// Depth to which folders are searched for runs.
 pub const DEPTH: usize = 5;
 
 /// Run folders at or below a folder, in the order of their names.

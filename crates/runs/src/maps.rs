@@ -1,4 +1,4 @@
-//! What a command says of a map, once, before it works on it.
+//! A command's remarks on a map, said once, before it works on it.
 
 use anyhow::Result;
 use jostle_sim::RoomConfig;

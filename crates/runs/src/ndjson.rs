@@ -40,7 +40,7 @@ impl Log {
     }
 }
 
-/// What a repair found.
+/// The findings of a repair.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Repair {
     /// Lines that belong to updates after the checkpoint; they will be made again.

@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 
 use anyhow::{Context as _, Result};
 
-/// How the commands are called in a checkout.
+/// The name of the commands in a checkout.
 pub const PROGRAM_OF_CHECKOUT: &str = "cargo xtask";
 
 static PROGRAM: OnceLock<&str> = OnceLock::new();
@@ -15,7 +15,7 @@ pub fn set_program(name: &'static str) {
     PROGRAM.get_or_init(|| name);
 }
 
-/// How the user called this program, for advice: `cargo xtask`, or `jostle` where it is installed.
+/// The user's name for this program, for advice: `cargo xtask`, or `jostle` where it is installed.
 pub fn program() -> &'static str {
     PROGRAM.get().copied().unwrap_or(PROGRAM_OF_CHECKOUT)
 }

@@ -1,4 +1,4 @@
-//! Where a run is being made, how fast, and how long it will take.
+//! The machine that a run is made on, its rate and its remaining time.
 
 use super::log::RunLog;
 use crate::progress::clock;

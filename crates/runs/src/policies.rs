@@ -1,4 +1,4 @@
-//! Where policies are found: a checkpoint file, a run folder, or a folder of either; and who else can drive the robot.
+//! The search for policies: a checkpoint file, a run folder, or a folder of either; and other drivers of the robot.
 
 use std::path::{Path, PathBuf};
 
@@ -40,7 +40,7 @@ pub fn checkpoint_or(path: &Path, expected: &'static str, names: &[&str]) -> Res
     Ok(path.to_owned())
 }
 
-/// Who drives the robot: a planner by its name, or the checkpoint that a path means. `dwa` is the planner whatever lies here,
+/// The driver of the robot: a planner by its name, or the checkpoint that a path means. `dwa` is the planner whatever lies here,
 /// `./dwa` a path.
 ///
 /// # Errors
@@ -134,7 +134,7 @@ pub fn pools(
     Ok(Pools { full: load_all(full)?, half: load_all(half)? })
 }
 
-/// Whether a path may hold a policy, judged by its name and what is in it.
+/// True if a path may hold a policy, judged by its name and what is in it.
 fn is_policy(path: &Path) -> bool {
     is_run_folder(path) || path.extension().is_some_and(|extension| extension == "safetensors")
 }
@@ -162,7 +162,7 @@ fn hint(path: &Path, names: &[&str]) -> String {
     offer(&shown.collect::<Vec<_>>())
 }
 
-/// What tells a path from its siblings: its last part, without the ending that all checkpoints have.
+/// The part of a path that tells it from its siblings: its last part, without the ending that all checkpoints have.
 fn stem(path: &Path) -> Option<String> {
     let name = path.file_name()?.to_str()?;
     Some(name.strip_suffix(".safetensors").unwrap_or(name).to_owned())

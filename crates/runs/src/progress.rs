@@ -1,4 +1,4 @@
-//! How far a long job is: a bar with rate and remaining time on a terminal, a plain line every few seconds otherwise.
+//! Progress of a long job: a bar with rate and remaining time on a terminal, a plain line every few seconds otherwise.
 //! Everything here goes to standard error; nothing here touches a result.
 
 use std::io::IsTerminal as _;

@@ -1,4 +1,4 @@
-//! Which source a result was made by.
+//! The source that a result was made by.
 
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -27,7 +27,7 @@ pub fn workspace() -> &'static Path {
     })
 }
 
-/// Whether a folder is the root of a checkout.
+/// True if a folder is the root of a checkout.
 pub(crate) fn is_checkout(folder: &Path) -> bool {
     folder.join("crates/sim/Cargo.toml").is_file() && folder.join("configs").is_dir()
 }

@@ -24,7 +24,7 @@ use crate::stop::{self, Stopped};
 
 const LOCK: &str = "lock";
 const MILESTONES: &str = "milestones";
-/// How often a lock that another process holds is tried.
+/// Time between two tries of a lock that another process holds.
 const LOCK_INTERVAL: Duration = Duration::from_secs(1);
 
 /// A locked run folder.
@@ -94,12 +94,12 @@ impl RunFolder {
         write_atomically(&self.path.join(CONFIG), text)
     }
 
-    /// Where the log is.
+    /// Path of the log.
     pub fn log(&self) -> PathBuf {
         self.path.join("log.ndjson")
     }
 
-    /// Where the checkpoint after `update` updates belongs.
+    /// Path of the checkpoint after `update` updates.
     pub fn checkpoint(&self, update: u64) -> PathBuf {
         checkpoint_path(&self.path, update)
     }
@@ -109,7 +109,7 @@ impl RunFolder {
         write_atomically(&self.path.join(LATEST), &format!("{}\n", checkpoint_name(update)))
     }
 
-    /// Where the policy after `transitions` transitions belongs.
+    /// Path of the policy after `transitions` transitions.
     pub fn milestone(&self, transitions: u64) -> PathBuf {
         milestone_path(&self.path, transitions)
     }
@@ -126,7 +126,7 @@ impl RunFolder {
     }
 }
 
-/// Where the policy after `transitions` transitions of the run in `folder` belongs.
+/// Path of the policy after `transitions` transitions of the run in `folder`.
 pub fn milestone_path(folder: &Path, transitions: u64) -> PathBuf {
     folder.join(MILESTONES).join(format!("{transitions:09}.safetensors"))
 }
@@ -137,7 +137,7 @@ pub fn latest_update(folder: &Path) -> Result<Option<u64>> {
     Ok(name.and_then(|name| name.trim().split_once('.').and_then(|(stem, _)| stem.parse().ok())))
 }
 
-/// Whether a process works in `folder`.
+/// True if a process works in `folder`.
 ///
 /// # Errors
 /// When the lock can be neither opened nor tested.

@@ -49,7 +49,7 @@ pub fn shipped(path: &str) -> Result<PathBuf> {
     Ok(unpacked(files)?.join(path))
 }
 
-/// Whether [`shipped`] has this file or folder.
+/// True if [`shipped`] has this file or folder.
 pub fn is_shipped(path: &str) -> bool {
     workspace().join(path).exists() || is_embedded(path)
 }
@@ -102,7 +102,7 @@ pub fn checkout() -> Result<&'static Path> {
     Ok(root)
 }
 
-/// Where the program's own files are, after they were written there.
+/// The folder of the program's own files, after they were written there.
 fn unpacked(files: &[Embedded]) -> Result<&'static Path> {
     if let Some(folder) = UNPACKED.get() {
         return Ok(folder);

@@ -26,11 +26,11 @@ pub const INTERRUPTED: i32 = 130;
 /// A flag that signals set.
 type Flag = LazyLock<Arc<AtomicBool>>;
 
-/// Whether the work is to end.
+/// True if the work is to end.
 static ASKED: Flag = LazyLock::new(Arc::default);
-/// Whether the next signal ends the process.
+/// True if the next signal ends the process.
 static AT_ONCE: Flag = LazyLock::new(Arc::default);
-/// Whether every place is a good one.
+/// True if every place is a good one.
 static ANYWHERE: AtomicBool = AtomicBool::new(false);
 
 /// The end that was asked for has come: holds the line that says where, and what to do next.
@@ -68,7 +68,7 @@ pub fn ask() {
     }
 }
 
-/// Whether the work is to end.
+/// True if the work is to end.
 pub fn asked() -> bool {
     ASKED.load(Ordering::SeqCst)
 }

@@ -63,7 +63,7 @@ pub fn on_path(names: &[&str]) -> Option<PathBuf> {
     candidates.into_iter().find(|path| path.is_file())
 }
 
-/// Where cargo builds, and where commands put what they install.
+/// The folder that cargo builds in, and that commands install into.
 pub fn target_folder() -> PathBuf {
     std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| workspace().join("target"), PathBuf::from)
 }

@@ -18,7 +18,7 @@ use jostle_runs::progress::Progress;
 pub struct Cell<'a> {
     /// Settings and pools.
     pub protocol: &'a Protocol,
-    /// Who drives the robot.
+    /// The driver of the robot.
     pub driver: &'a Driver,
     /// The behaviour token that the robot is given.
     pub token: u32,

@@ -1,4 +1,4 @@
-//! What the paper's text says of its tables, as comparisons that can be tested, and their verdicts.
+//! The statements of the paper's text on its tables, as comparisons that can be tested, and their verdicts.
 //!
 //! Reading order: this file (what a claim is), [`of_paper`] (the paper's), [`study`] (the data: rows, training seeds,
 //! episodes), [`evidence`] (intervals, tests and the verdict).
@@ -24,7 +24,7 @@ use jostle_arena::Outcome;
 pub use evidence::{ClaimResult, PartResult, test_claims};
 pub use study::{Row, SeedRun, Study};
 
-/// What is measured of an episode, or of a policy.
+/// A quantity of an episode, or of a policy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Measure {
@@ -72,7 +72,7 @@ pub struct Term {
     pub sites: Vec<&'static str>,
 }
 
-/// Where the paper says that a number lies: above `low`, below `high`.
+/// The region in which the paper says that a number lies: above `low`, below `high`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Region {
     /// Lower end, if there is one.
@@ -99,13 +99,13 @@ impl Region {
 /// One number of a claim.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Part {
-    /// What it compares.
+    /// The comparison in words.
     pub label: String,
-    /// What is measured.
+    /// The quantity compared.
     pub measure: Measure,
     /// Summed.
     pub terms: Vec<Term>,
-    /// Where the sum should lie.
+    /// The region where the sum should lie.
     pub region: Region,
 }
 
@@ -116,9 +116,9 @@ pub struct Claim {
     pub id: &'static str,
     /// The table that it speaks of.
     pub table: &'static str,
-    /// What it says, in our words, with its place in the paper.
+    /// The statement, in our words, with its place in the paper.
     pub text: &'static str,
-    /// What has to be said of how we read it; empty where nothing has.
+    /// Our reading of it, where that needs words; else empty.
     pub reading: &'static str,
     /// Its numbers.
     pub parts: Vec<Part>,

@@ -44,7 +44,7 @@ pub struct IntrinsicRow {
     pub diversity: f64,
 }
 
-/// What a row of Table IV measures.
+/// The quantity in a row of Table IV.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Metric {
     /// Success rate (no spread given).
@@ -69,7 +69,7 @@ pub struct Figure {
 /// A row of Table IV (`table:4`, "Comparisons with baseline methods").
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MetricRow {
-    /// What is measured.
+    /// The quantity.
     pub metric: Metric,
     /// `Basic` (M = 1), `Safe` (Jin et al. 2020) or `Ours` (M = 5).
     pub policy: &'static str,

@@ -157,7 +157,7 @@ fn part_line(part: &PartResult) -> Vec<String> {
     ]
 }
 
-/// What limits a verdict, each once.
+/// The limits of a verdict, each once.
 fn reasons(result: &ClaimResult) -> Vec<String> {
     let mut reasons: Vec<String> = Vec::new();
     for part in &result.parts {

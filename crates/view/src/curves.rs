@@ -1,4 +1,4 @@
-//! What learning curves show: measures over a window of updates, and bands over the seeds of one recipe.
+//! Learning curves: measures over a window of updates, and bands over the seeds of one recipe.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ const POINTS: usize = 400;
 
 /// Runs that differ in their seed alone.
 pub struct Group<'a> {
-    /// What the legend calls them.
+    /// Their name in the legend.
     pub label: String,
     runs: Vec<&'a RunLog>,
 }
@@ -36,9 +36,9 @@ pub fn groups(runs: &[RunLog]) -> Vec<Group<'_>> {
 
 /// A curve: the mean over seeds and, with more than one, the least and the greatest.
 pub struct Curve {
-    /// Which group it belongs to.
+    /// Its group.
     pub group: usize,
-    /// Whether its line is dashed.
+    /// True for a dashed line.
     pub dashed: bool,
     /// Place on the axis, mean, least, greatest.
     pub points: Vec<[f64; 4]>,
@@ -46,7 +46,7 @@ pub struct Curve {
 
 /// One picture of the page.
 pub struct Panel {
-    /// What is measured.
+    /// The name of the measure.
     pub title: String,
     /// The whole range, where it is known; else it follows from the data.
     pub range: Option<(f64, f64)>,
@@ -54,11 +54,11 @@ pub struct Panel {
     pub levels: Vec<f64>,
     /// One for each group that has the measure.
     pub curves: Vec<Curve>,
-    /// What is said where there is no curve.
+    /// The text where there is no curve.
     pub empty: &'static str,
 }
 
-/// What curves are drawn over.
+/// The quantity along the x axis.
 #[derive(Clone, Copy)]
 pub enum Axis {
     /// Updates, from 0 to so many.

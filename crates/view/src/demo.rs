@@ -18,7 +18,7 @@ use jostle_runs::output;
 
 /// The folder of shipped policies.
 const POLICIES: &str = "checkpoints";
-/// How the names of the policies that drive best begin.
+/// The beginning of the names of the policies that drive best.
 const STRONG: &str = "strong-";
 /// The same of the paper's row that drives beside them: M = 5.
 const PAPERS_ROW: &str = "m5-";
@@ -97,7 +97,7 @@ pub fn shipped() -> Result<Vec<PathBuf>> {
     Ok(paths)
 }
 
-/// Whether a policy is of the row whose names begin so.
+/// True if a policy is of the row whose names begin so.
 fn is_of(path: &Path, row: &str) -> bool {
     path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(row))
 }

@@ -1,4 +1,4 @@
-//! What a person looks at: episodes on a page, a live page, learning curves and other pictures.
+//! Things for a person to look at: episodes on a page, a live page, learning curves and other pictures.
 //!
 //! Reading order: [`replay`] (episodes as one page), [`play`] (a policy in real time), [`demo`] (the first of these that a newcomer
 //! sees); [`curves`] (what is drawn of runs), [`draw`] (the only place that knows the plotting library), [`picture`] (files).

@@ -1,4 +1,4 @@
-//! What a drive took, and a picture of it.
+//! The figures of a drive, and a picture of it.
 
 use std::fmt::Write as _;
 

@@ -1,4 +1,4 @@
-//! What peers write: one JSON object a line.
+//! Logs of peers: one JSON object a line.
 
 use std::path::Path;
 

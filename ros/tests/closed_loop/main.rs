@@ -38,7 +38,7 @@ fn peers(test: &str) -> Option<(PathBuf, MutexGuard<'static, ()>)> {
     Some((python, TURN.lock().unwrap_or_else(PoisonError::into_inner)))
 }
 
-/// Where this test leaves what it measures and what the processes say; new.
+/// New folder for this test's measurements and the processes' output.
 fn folder(name: &str) -> PathBuf {
     let out = std::env::var_os("JOSTLE_ROS_OUT").map_or_else(std::env::temp_dir, PathBuf::from);
     let folder = out.join(name);
@@ -180,7 +180,7 @@ fn killed(python: &Path, over: Over) {
     assert_loopback();
 }
 
-/// How long after `from` the first zero command came, s; no other may follow.
+/// Time after `from` of the first zero command, s; no other may follow.
 fn stands(log: &Path, from: f64) -> f64 {
     std::thread::sleep(Duration::from_secs_f64(1.2));
     let entries: Vec<Entry> = read(log);

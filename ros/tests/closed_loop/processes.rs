@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant, SystemTime};
 
-/// Who carries the peer's messages.
+/// The software that carries the peer's messages.
 #[derive(Clone, Copy)]
 pub(crate) enum Over {
     Rclpy,

@@ -1,4 +1,4 @@
-//! How long a cell of a table takes: episodes in lock step, all networks paid for.
+//! Time of a table's cell: episodes in lock step, all networks paid for.
 
 use std::fmt::Write as _;
 

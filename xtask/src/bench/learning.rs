@@ -21,7 +21,7 @@ struct Setting {
     overrides: &'static [&'static str],
 }
 
-/// What all settings have in common but the tables' own.
+/// Keys that all settings have in common but the tables' own.
 const LARGE: &[&str] = &[
     "n_behaviours=1",
     "intrinsic_reward=none",
@@ -198,7 +198,7 @@ fn rates(chosen: &[&'static Setting], args: &LearningArgs) -> Result<String> {
     Ok(text + &grid.markdown())
 }
 
-/// How long the large settings train until a share of the learners' episodes succeeds.
+/// Time that the large settings train until a share of the learners' episodes succeeds.
 fn times_to(success: f64, chosen: &[&'static Setting], args: &LearningArgs) -> Result<String> {
     let mut grid = Grid::new(["setting", "success among its own", "transitions", "time"]);
     for setting in chosen.iter().filter(|setting| [POOLED, MOTION].contains(&setting.name)) {

@@ -30,7 +30,7 @@ pub(crate) struct BenchArgs {
 
 #[derive(Subcommand)]
 enum What {
-    /// Where an update's time goes, and how far each part is from the machine's matrix product.
+    /// Time of an update by its parts, and each part's distance from the machine's matrix product.
     Update(update::UpdateArgs),
     /// Agent-steps per second of the simulator.
     Simulator(simulator::SimulatorArgs),
@@ -38,7 +38,7 @@ enum What {
     Rollout(rollout::RolloutArgs),
     /// Transitions per second of training, and the time to a share of successes among its own kind.
     Learning(learning::LearningArgs),
-    /// How long cells of a table take.
+    /// Time of cells of a table.
     Evaluation(evaluation::EvaluationArgs),
     /// Ours and other software on the same work, taking turns: PyTorch, IR-SIM, VMAS, RVO2, Stage.
     Peers(peers::PeersArgs),

@@ -1,4 +1,4 @@
-//! Where an update's time goes: the trainer phase by phase, the learners one by one, the largest layer by itself.
+//! An update's time by its parts: the trainer phase by phase, the learners one by one, the largest layer by itself.
 
 use std::fmt::Write as _;
 
@@ -28,7 +28,7 @@ pub(super) struct UpdateArgs {
     instructions: Option<String>,
 }
 
-/// What one number of threads gave, round by round.
+/// Measurements at one number of threads, round by round.
 #[derive(Default)]
 struct Measured {
     trainer: Vec<Clock>,

@@ -1,4 +1,4 @@
-//! What must be equal: every file of two folders, but for clocks and the lock.
+//! The comparison of two folders: every file must be equal, but for clocks and the lock.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -27,7 +27,7 @@ pub(crate) fn differences(expected: &Path, found: &Path) -> Result<Vec<String>> 
     Ok(lines)
 }
 
-/// Which tensor or line moved first.
+/// The tensor or line that moved first.
 fn place(expected: &[Part], found: &[Part]) -> String {
     let moved = expected.iter().zip(found).find(|(a, b)| a != b).map(|(part, _)| part.0.as_str());
     match moved {

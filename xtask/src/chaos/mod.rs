@@ -40,7 +40,7 @@ const TORN: u32 = 4;
     after_help = "Example:\n  cargo xtask chaos --kills 50 --seed 1\n  cargo xtask chaos --kills 20 --gently"
 )]
 pub(crate) struct ChaosArgs {
-    /// How many times a process is killed.
+    /// Number of times that a process is killed.
     #[arg(long, value_name = "N", default_value_t = 50)]
     kills: u64,
     /// Only train, and stop it by SIGTERM instead: nothing at all may be made again then.
@@ -49,7 +49,7 @@ pub(crate) struct ChaosArgs {
     /// Seed of the moments.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Where to work (default: a new folder among the system's temporary ones, removed when nothing was lost).
+    /// Working folder (default: a new one among the system's temporary ones, removed when nothing was lost).
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
@@ -80,7 +80,7 @@ pub(crate) fn run(args: &ChaosArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// What was done and what was lost.
+/// Counts of what was done and what was lost.
 #[derive(Default)]
 struct Tally {
     kills: u64,

@@ -5,7 +5,7 @@ use std::time::Duration;
 use jostle_sim::StreamRng;
 use rand::RngExt as _;
 
-/// What a process is caught at.
+/// The moment at which a process is caught.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Moment {
     /// Anything.

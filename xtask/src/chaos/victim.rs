@@ -1,4 +1,4 @@
-//! What is killed: this program itself, training or evaluating something small.
+//! The victim: this program itself, training or evaluating something small.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -19,7 +19,7 @@ const CONFIG: &str = "\
     network = { embedding = 4, laser_feature = 32, hidden = 32 }\ndiscriminator = { hidden = 32 }\n\
     [sim]\nroom = { width = 16.0, height = 16.0 }\nlaser = { beams = 16 }\nepisode = { step_limit = 40 }\n";
 
-/// How often the moment is looked for.
+/// Time between two looks for the moment.
 const POLL: Duration = Duration::from_micros(200);
 
 /// A command that is started over and over.
@@ -28,13 +28,13 @@ pub(super) struct Victim {
     folder: PathBuf,
     /// Everything but the output folder.
     arguments: Vec<String>,
-    /// Where, below its output folder, a file grows line by line.
+    /// The file, below its output folder, that grows line by line.
     growing: &'static str,
-    /// Whether it is asked to stop instead of killed.
+    /// True if it is asked to stop instead of killed.
     gently: bool,
 }
 
-/// How a process ended.
+/// The end of a process.
 pub(super) enum Ending {
     /// By itself, before the moment came.
     Finished,
@@ -155,12 +155,12 @@ impl Victim {
         }
     }
 
-    /// Whether it is asked to stop instead of killed.
+    /// True if it is asked to stop instead of killed.
     pub(super) fn gently(&self) -> bool {
         self.gently
     }
 
-    /// What a process that was asked to stop has left behind its newest checkpoint, which should be
+    /// The updates that a process which was asked to stop has left behind its newest checkpoint, which should be
     /// nothing.
     pub(super) fn lost_updates(&self, out: &Path) -> Result<Option<String>> {
         let path = out.join(self.growing);
@@ -174,7 +174,7 @@ impl Victim {
         Ok((made != kept).then_some(told))
     }
 
-    /// What was finished before the kill must still be whole: the checkpoint that `latest` names.
+    /// Check that what was finished before the kill is still whole: the checkpoint that `latest` names.
     pub(super) fn lost_checkpoint(out: &Path) -> Option<String> {
         if !out.join("latest").exists() {
             return None;

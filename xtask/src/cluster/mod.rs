@@ -32,7 +32,7 @@ const UPDATES: u64 = 1500;
 const UPDATES_BEFORE: u64 = 200;
 /// Longest wait for the array.
 const DEADLINE: Duration = Duration::from_mins(10);
-/// How often the runs are looked at.
+/// Time between two looks at the runs.
 const POLL: Duration = Duration::from_millis(50);
 
 /// Runs the check; what is different is said line by line.
@@ -69,7 +69,7 @@ pub(crate) fn check() -> Result<()> {
     Ok(())
 }
 
-/// What the killed node was at.
+/// The work of the killed node.
 struct Killed {
     run: &'static str,
     update: u64,

@@ -130,7 +130,7 @@ impl Cluster {
         ("SLURM_CONF", self.folder.join("slurm.conf"))
     }
 
-    /// What a program of Slurm answers.
+    /// The answer of one of Slurm's programs.
     pub(super) fn ask(&self, name: &str, arguments: &[&str]) -> Result<String> {
         let (variable, path) = self.environment();
         let output = program(name).args(arguments).env(variable, path).output();

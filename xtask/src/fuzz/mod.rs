@@ -46,7 +46,7 @@ pub(crate) struct FuzzArgs {
     /// Seed of the inputs.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Where inputs that crashed are kept.
+    /// Folder for inputs that crashed.
     #[arg(long, value_name = "DIR", default_value = "runs/fuzz")]
     out: PathBuf,
     /// Be the process that tries inputs, in this scratch folder.
@@ -97,7 +97,7 @@ pub(crate) fn run(args: &FuzzArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// What became of a target's inputs.
+/// The results of a target's inputs.
 #[derive(Default)]
 struct Report {
     tried: u64,
@@ -165,7 +165,7 @@ fn worker_command(
     Ok(command)
 }
 
-/// Where inputs are written: in memory where the system has such a place, as each input is a file.
+/// Folder for inputs: in memory where the system has such a place, as each input is a file.
 fn scratch_folder(name: &str) -> PathBuf {
     let memory = Path::new("/dev/shm");
     let base = if memory.is_dir() { memory.to_owned() } else { std::env::temp_dir() };

@@ -1,4 +1,4 @@
-//! What is fuzzed: for each kind of file, a valid start, and the function that a command would call.
+//! The targets: for each kind of file, a valid start, and the function that a command would call.
 
 use std::fs;
 use std::path::Path;
@@ -21,7 +21,7 @@ use rand::RngExt as _;
 use super::archive::{Archive, damage_png};
 use super::mutate::{mutate, mutate_text};
 
-/// What a parser said.
+/// A parser's answer.
 pub(super) enum Verdict {
     Accepted,
     Refused(String),

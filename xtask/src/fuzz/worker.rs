@@ -69,7 +69,7 @@ pub(super) fn run(
     Ok(ExitCode::SUCCESS)
 }
 
-/// What is wrong with the message of a refusal.
+/// The fault in the message of a refusal.
 fn bad_message(message: &str) -> Option<String> {
     let one_line = !message.is_empty() && !message.chars().any(char::is_control);
     if one_line && message.len() <= MESSAGE_MAX {

@@ -33,11 +33,11 @@ use crate::error::ArenaError;
 /// Returns of what stands still that are nearer together than this count once (m).
 const SPACING: f32 = 0.15;
 
-/// What is rolled out and how it is weighed. The defaults were chosen on walkers made for the purpose, like those of the
+/// The rollouts and their weights. The defaults were chosen on walkers made for the purpose, like those of the
 /// validation crowds, and checked once on the validation crowds; the six test crowds were looked at afterwards.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DwaConfig {
-    /// What counts as one thing, and which things may move.
+    /// Rules that make beams one thing, and tell the things that may move.
     pub tracks: TrackConfig,
     /// Speeds, evenly from 0 to the robot's highest.
     pub speeds: usize,
@@ -266,14 +266,14 @@ pub struct DwaScratch {
     fates: Vec<Fate>,
 }
 
-/// What happens to the robot under a command.
+/// The robot's fate under a command.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Fate {
     /// Least share of the clearance that is wished for.
     clearance: f32,
     /// Time of the first place within a margin (s).
     hit: Option<f32>,
-    /// Whether it gets to the goal.
+    /// True if it gets to the goal.
     arrives: bool,
 }
 

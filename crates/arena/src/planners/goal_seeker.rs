@@ -8,7 +8,7 @@ use super::reader::{RowReader, angle_of};
 
 /// Metres that it wants to be free on either side of its way.
 const HALF_WIDTH: f32 = 0.75;
-/// How far it looks ahead (m).
+/// Look-ahead (m).
 const LOOK_AHEAD: f32 = 3.0;
 /// Directions that it considers, from −120° to 120°.
 const CANDIDATES: usize = 41;
@@ -77,7 +77,7 @@ impl RowPlanner for GoalSeeker {
     }
 }
 
-/// How far the way in a direction is free, up to the look-ahead (m).
+/// Length of the free way in a direction, up to the look-ahead (m).
 fn free(points: &[Vec2], direction: Vec2) -> f32 {
     let blocked = points.iter().filter_map(|point| {
         let (along, across) = (direction.dot(*point), direction.perp_dot(*point));

@@ -68,7 +68,7 @@ impl Planner {
     pub const IN_TABLES: [Self; 5] =
         [Self::Straight, Self::GoalSeeker, Self::Dwa, Self::Orca, Self::SocialForce];
 
-    /// What it is called wherever a policy is named.
+    /// Its name wherever a policy is named.
     pub fn name(self) -> &'static str {
         match self {
             Self::Straight => "straight",
@@ -80,7 +80,7 @@ impl Planner {
         }
     }
 
-    /// What it does, in a line.
+    /// Its method, in a line.
     pub fn description(self) -> &'static str {
         match self {
             Self::Straight => "drives to its goal as if nobody were there",
@@ -92,7 +92,7 @@ impl Planner {
         }
     }
 
-    /// Whether it reads everyone's true position and velocity, which no laser tells, instead of the observation row.
+    /// True if it reads everyone's true position and velocity, which no laser tells, instead of the observation row.
     pub fn knows_positions(self) -> bool {
         matches!(self, Self::Orca | Self::SocialForce)
     }
@@ -120,7 +120,7 @@ impl Planner {
         json.expect("plain settings are always JSON")
     }
 
-    /// Who it is in records and reports: a function of its name, its version and its settings.
+    /// Its identity in records and reports: a function of its name, its version and its settings.
     pub fn identity(self) -> PolicyIdentity {
         let settings = hex_sha256(self.settings().as_bytes());
         PolicyIdentity::custom(self.name(), &format!("planner {} {settings}", self.version()))

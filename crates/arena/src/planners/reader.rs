@@ -1,4 +1,4 @@
-//! How a planner reads an observation row: ranges in metres, directions of beams, the goal, the velocity.
+//! A planner's reading of an observation row: ranges in metres, directions of beams, the goal, the velocity.
 
 use glam::Vec2;
 use jostle_sim::{FRAMES, SimConfig};

@@ -1,4 +1,4 @@
-//! Where each candidate command leads: rolled out once, since in the robot's frame it is the same at every step.
+//! The way of each candidate command: rolled out once, since in the robot's frame it is the same at every step.
 
 use glam::Vec2;
 
@@ -42,7 +42,7 @@ impl Rollouts {
         steps.map(|(k, (xs, ys))| ((k + 1) as f32 * self.step, &xs[..], &ys[..]))
     }
 
-    /// Where each command ends.
+    /// The end of each command's way.
     pub(super) fn ends(&self) -> impl Iterator<Item = Vec2> {
         let last = self.places.last().into_iter();
         last.flat_map(|(xs, ys)| xs.iter().zip(ys).map(|(x, y)| Vec2::new(*x, *y)))

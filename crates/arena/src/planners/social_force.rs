@@ -14,10 +14,10 @@ use crate::error::ArenaError;
 use crate::robot::RobotView;
 use crate::room::RoomPlan;
 
-/// How far ahead the goal of others is taken to be, in the direction that they walk (m).
+/// Distance at which the goal of others is taken to be, in the direction that they walk (m).
 const GOAL_OF_OTHERS: f32 = 10.0;
 
-/// What differs from the pedestrians of crowd SF, which are points: the robot crashes at 0.5 m. Range and potential between the robot
+/// The differences from the pedestrians of crowd SF, which are points: the robot crashes at 0.5 m. Range and potential between the robot
 /// and a pedestrian were chosen on the validation crowds by `examples/tune_positions.rs` (docs/planners.md).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct SocialForceRobotConfig {

@@ -1,4 +1,4 @@
-//! What moves in a scan: clusters of neighbouring returns, and their velocities from the scan before.
+//! Moving things in a scan: clusters of neighbouring returns, and their velocities from the scan before.
 //!
 //! A row tells exactly how the robot moved between its last two scans: v·dt along the heading that it had, then a turn of
 //! ω·dt. So a return of the scan before is known in the present frame, and what is left of a cluster's displacement is its
@@ -35,7 +35,7 @@ impl Default for TrackConfig {
 pub struct Cluster {
     /// The first beam, counter-clockwise.
     pub first: usize,
-    /// How many beams; they go on at beam 0 after the last one.
+    /// Number of beams; they go on at beam 0 after the last one.
     pub beams: usize,
     /// Mean of its returns (m).
     pub centre: Vec2,
@@ -48,7 +48,7 @@ pub struct Cluster {
 /// The newest scan of a row: its returns and their clusters. It keeps its memory from row to row.
 #[derive(Clone, Debug, Default)]
 pub struct ScanTracks {
-    /// Where each beam ends, in the robot's frame (m); `None` where it met nothing within the laser's range.
+    /// The end of each beam, in the robot's frame (m); `None` where it met nothing within the laser's range.
     pub returns: Vec<Option<Vec2>>,
     /// Counter-clockwise by their first beam.
     pub clusters: Vec<Cluster>,

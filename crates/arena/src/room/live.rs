@@ -1,6 +1,6 @@
 //! A room that someone changes while it runs: another goal for the robot, one more pedestrian, one more obstacle.
 //!
-//! What is drawn comes from named streams, as in a test; so a room is a function of its seed and of the changes with the
+//! All draws come from named streams, as in a test; so a room is a function of its seed and of the changes with the
 //! steps between them. Episodes that start later in the same plan have the pedestrians and obstacles that were added.
 
 use glam::Vec2;
@@ -11,7 +11,7 @@ use super::{ArenaRoom, ROBOT, RoomPlan, spawn_settings};
 use crate::driving::DrivingMeter;
 use crate::error::ArenaError;
 
-/// What is put into a running room keeps this distance from the robot's crash range (m).
+/// Distance from the robot's crash range that things put into a running room keep (m).
 const MARGIN: f32 = 0.5;
 
 impl ArenaRoom {

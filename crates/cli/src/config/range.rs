@@ -1,4 +1,4 @@
-//! What a key accepts, asked of the configuration's own checks by handing them a value that none of them takes.
+//! The values that a key accepts, asked of the configuration's own checks by handing them a value that none of them takes.
 
 use jostle_ppo::{Config, PpoError};
 use jostle_runs::keys::Key;
@@ -15,7 +15,7 @@ pub(super) fn accepted(keys: &[Key], key: &Key) -> Option<String> {
     probes.iter().find_map(|probe| expected(keys, key, probe))
 }
 
-/// What the checks say of a value for a key, if they refuse it.
+/// The checks' answer to a value for a key, if they refuse it.
 fn expected(keys: &[Key], key: &Key, value: &str) -> Option<String> {
     let mut overrides = Vec::new();
     // A section that is off is switched on with all its keys.

@@ -30,7 +30,7 @@ mod tests {
     use super::schema;
     use jostle_runs::provenance::workspace;
 
-    /// What of a value does not fit a schema of the kind that is made here.
+    /// The parts of a value that do not fit a schema of the kind that is made here.
     fn misfits(schema: &Value, value: &Value, path: &str, found: &mut Vec<String>) {
         let mut miss = |what: &str| found.push(format!("{path}: {value} {what}"));
         match schema["type"].as_str().unwrap() {

@@ -84,7 +84,7 @@ fn runs(folders: &[&PathBuf]) -> Result<Vec<RunLog>> {
     Ok(runs)
 }
 
-/// What a JSON file may hold.
+/// The reports that a JSON file may hold.
 enum Report {
     Table(SuccessTable),
     Evaluation(Evaluation),

@@ -47,10 +47,10 @@ pub(super) fn store(plan: &Plan, folder: Option<&Path>) -> Result<String> {
     Ok(compared(format!("{}\n{note}", grid.text()), Grid::text))
 }
 
-/// What stands below the summary.
+/// The note below the summary.
 const AVERAGED: &str = "Means over the training seeds; in brackets the least and the greatest seed's average. Own: success of training \
                         episodes, among the run's own kind.\n";
-/// What stands below the comparison of variants.
+/// The note below the comparison of variants.
 const COMPARED: &str = "Averages over the crowds at the end of training, a value for each training seed. Differences are from the first \
                         variant, with Welch's 95 % interval; p is that of the exact permutation test, in brackets the least \
                         that so many seeds can give.\n";
@@ -228,7 +228,7 @@ impl<'p> Table<'p> {
         Some(grid)
     }
 
-    /// How the variants compare at the end of training; `None` where fewer than two have been tested.
+    /// The variants compared at the end of training; `None` where fewer than two have been tested.
     fn comparison(&self) -> Option<Grid> {
         let all: Vec<(&str, Vec<f64>)> =
             self.variants().into_iter().map(|name| (name, self.averages(name))).collect();

@@ -1,4 +1,4 @@
-//! What a plan does with a trained run: `[evaluate]`, whose keys are the options of `cargo xtask evaluate`.
+//! A plan's tests of its trained runs: `[evaluate]`, whose keys are the options of `cargo xtask evaluate`.
 
 use std::path::{Path, PathBuf};
 
@@ -23,14 +23,14 @@ const FOLDER: &str = "evaluation";
 /// The file that says what an evaluation was asked for.
 const ASKED: &str = "asked.txt";
 
-/// How trained runs are tested.
+/// The test of trained runs.
 #[derive(Debug)]
 pub(super) struct EvaluationPlan {
     /// The section as it was written.
     pub(super) source: Table,
     /// Words of the command line, without checkpoint and output folder.
     words: Vec<String>,
-    /// Whether the policies of the milestones are tested, too.
+    /// True if the policies of the milestones are tested, too.
     milestones: bool,
     /// Planners that were not learned, tested in the same episodes to compare with.
     planners: Vec<String>,
@@ -140,7 +140,7 @@ impl EvaluationPlan {
         serde_json::from_str(&text).map(Some).with_context(shown)
     }
 
-    /// Whether every policy of a trained run that is there has been tested.
+    /// True if every policy of a trained run that is there has been tested.
     pub(super) fn is_done(&self, task: &Task) -> Result<bool> {
         for tested in self.tested(task) {
             if tested.policy.is_file() && self.result(&tested)?.is_none() {

@@ -18,7 +18,7 @@ use jostle_runs::output::{self, note};
 use jostle_runs::progress::clock;
 use jostle_runs::stop::{self, Stopped};
 
-/// How often processes are looked after.
+/// Time between two looks at the processes.
 const POLL: Duration = Duration::from_millis(200);
 /// Exit statuses of a run that was asked to stop.
 const ENDED: [i32; 2] = [stop::STOPPED as i32, stop::INTERRUPTED];
@@ -160,7 +160,7 @@ impl<'p> Job<'p> {
     }
 }
 
-/// What a person sees: a line for each run on a terminal, else the same lines now and then.
+/// The view for a person: a line for each run on a terminal, else the same lines now and then.
 struct Board {
     terminal: Option<MultiProgress>,
     last_round: Instant,

@@ -65,9 +65,9 @@ pub(super) struct Plan {
     pub(super) checkpoint_minutes: f64,
     /// Updates over which the table's measures are taken.
     pub(super) window: usize,
-    /// What is done with a trained run.
+    /// The test of a trained run.
     pub(super) evaluation: Option<EvaluationPlan>,
-    /// What Slurm is told of a run.
+    /// Slurm's options for a run.
     pub(super) slurm: SlurmPlan,
 }
 
@@ -162,7 +162,7 @@ impl Plan {
         }
     }
 
-    /// What is kept of a run on the way.
+    /// The files kept of a run on the way.
     pub(super) fn care(&self, task: &Task) -> Result<Care> {
         Care::new(self.checkpoint_minutes, &task.milestones)
     }
@@ -176,7 +176,7 @@ impl Plan {
         })
     }
 
-    /// What depends on more than one key, or on what the disk holds.
+    /// Checks of what depends on more than one key, or on the files on the disk.
     fn check(&self, place: &str) -> Result<()> {
         for (index, task) in self.tasks.iter().enumerate() {
             let hash = task.config.hash();
@@ -217,7 +217,7 @@ const SEEDS: &str = "a list of integers from 0";
 const MILESTONES: &str = "a list of numbers of transitions";
 const THREADS: &str = "an integer from 1 to 1024";
 
-/// What all variants share unless they say otherwise.
+/// The keys that all variants share unless they say otherwise.
 struct Common {
     base: Option<PathBuf>,
     set: Vec<String>,
@@ -226,7 +226,7 @@ struct Common {
     milestones: Vec<u64>,
 }
 
-/// How long a run is.
+/// The length of a run.
 #[derive(Clone, Copy)]
 enum Length {
     Updates(u64),

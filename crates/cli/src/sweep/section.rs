@@ -80,7 +80,7 @@ impl Section {
         Ok(tables.unwrap_or_default().into_iter().enumerate().map(named).collect())
     }
 
-    /// What has not been taken yet.
+    /// The keys that have not been taken yet.
     pub(super) fn table(&self) -> &Table {
         &self.table
     }
@@ -112,7 +112,7 @@ pub(super) fn nearest(wrong: &str, known: &[&str]) -> String {
     }
 }
 
-/// What is no TOML, with its line.
+/// The message for a text that is no TOML, with its line.
 fn syntax(place: &str, text: &str, error: &toml::de::Error) -> String {
     let before = error.span().and_then(|span| text.get(..span.start));
     let line = before.map_or_else(String::new, |before| format!(":{}", before.matches('\n').count() + 1));

@@ -26,7 +26,7 @@ use jostle_runs::tools::on_path;
 
 /// Folder of submissions below the plan's output folder.
 const FOLDER: &str = "slurm";
-/// Which job a submission became.
+/// File with the job that a submission became.
 const JOB: &str = "job.json";
 /// Seconds before the time limit at which a run lets go.
 const GRACE: u32 = 120;

@@ -1,4 +1,4 @@
-//! How far each run of a plan is.
+//! Progress of each run of a plan.
 
 use anyhow::Result;
 

@@ -32,7 +32,7 @@ pub(super) struct TaskArgs {
     lifeline: bool,
 }
 
-/// How far a run is.
+/// Progress of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Stage {
     /// Nothing has been made.
@@ -109,7 +109,7 @@ fn end_with_standard_input() {
     });
 }
 
-/// Where what a run's processes say is kept.
+/// File that keeps the output of a run's processes.
 pub(super) fn log_path(plan: &Plan, name: &str) -> PathBuf {
     plan.out.join("logs").join(format!("{name}.txt"))
 }

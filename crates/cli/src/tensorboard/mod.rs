@@ -16,7 +16,7 @@ use jostle_runs::log::RunLog;
 use jostle_runs::log::search;
 use jostle_runs::output;
 
-/// How deep folders are searched for runs.
+/// Depth to which folders are searched for runs.
 const DEPTH: usize = 5;
 /// The one name that an event file has, so that a second call replaces the first's. TensorBoard asks for `tfevents` in it.
 const FILE: &str = "events.out.tfevents.0000000000.jostle";
@@ -66,7 +66,7 @@ fn events_of(reports: &[UpdateReport]) -> Vec<u8> {
     file.into_bytes()
 }
 
-/// What TensorBoard shows; measures that an update does not have are left out.
+/// The scalars that TensorBoard shows; measures that an update does not have are left out.
 fn scalars(report: &UpdateReport) -> Vec<(&'static str, f32)> {
     let episodes = report.episodes;
     let success = (episodes.ended > 0).then(|| episodes.success as f64 / episodes.ended as f64);

@@ -42,7 +42,7 @@ pub struct CellResult {
     pub cell: String,
     /// Counts, interval, metrics.
     pub summary: Summary,
-    /// How the robot drove; `None` in reports from before there were these values.
+    /// The robot's driving; `None` in reports from before there were these values.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub driving: Option<DrivingSummary>,
     /// The pedestrians' policies; `None` for crowds without.

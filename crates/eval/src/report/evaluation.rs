@@ -24,7 +24,7 @@ pub struct Evaluation {
     pub n_agents: usize,
     /// A result per crowd.
     pub cells: Vec<CellResult>,
-    /// What has to be said of the robot, such as that it knows what a laser does not tell.
+    /// A remark on the robot, such as that it knows what a laser does not tell.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub remark: Option<String>,
 }
@@ -141,7 +141,7 @@ impl Evaluation {
         grid
     }
 
-    /// How the robot drove, a row per crowd; `None` where no cell says.
+    /// The robot's driving, a row per crowd; `None` where no cell says.
     fn driving_grid(&self) -> Option<Grid> {
         self.cells.iter().find(|cell| cell.driving.is_some())?;
         let heads = DrivingSummary::EMPTY.columns().map(|(_, head, _)| head);

@@ -105,13 +105,13 @@ impl PooledCell {
     }
 }
 
-/// What a planner's row has for a label that it has none for.
+/// Entry of a planner's row for a label that it has none for.
 pub const NO_LABEL: &str = "–";
 
 /// A policy behind a row.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Source {
-    /// Who it is.
+    /// The policy's identity.
     pub policy: PolicyIdentity,
     /// Seconds that its training took.
     pub wall_seconds: Option<f64>,
@@ -120,7 +120,7 @@ pub struct Source {
 /// A row: labels, cells and the paper's figures beside them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PooledRow {
-    /// What stands in the label columns.
+    /// Texts of the label columns.
     pub labels: Vec<String>,
     /// One for each column; `None` where there is no result.
     pub cells: Vec<Option<PooledCell>>,
@@ -132,9 +132,9 @@ pub struct PooledRow {
     pub sources: Vec<Source>,
     /// Command that trains a missing row.
     pub command: Option<String>,
-    /// What has to be said of the row.
+    /// A note on the row.
     pub note: Option<String>,
-    /// Whether it is a planner's: not learned, not of the paper, without training seeds.
+    /// True for a planner's row: not learned, not of the paper, without training seeds.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub planner: bool,
 }
@@ -152,7 +152,7 @@ pub struct PooledTable {
     pub columns: Vec<String>,
     /// Rows.
     pub rows: Vec<PooledRow>,
-    /// What has to be said of the table.
+    /// Notes on the table.
     pub notes: Vec<String>,
 }
 

@@ -19,7 +19,7 @@ pub const CVAR_SHARE: f64 = 0.25;
 pub struct SceneResult {
     /// The scene.
     pub scene: String,
-    /// What it is.
+    /// A description, in a line.
     pub about: String,
     /// One robot and `n_agents` − 1 pedestrians.
     pub n_agents: usize,

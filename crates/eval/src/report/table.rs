@@ -12,7 +12,7 @@ use jostle_arena::identity::{PolicyIdentity, short};
 /// A row: one policy in up to six crowds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SuccessRow {
-    /// What stands in the label columns.
+    /// Texts of the label columns.
     pub labels: Vec<String>,
     /// The robot's policy; `None` where it has not been trained yet.
     pub policy: Option<PolicyIdentity>,
@@ -207,7 +207,7 @@ fn row_notes(label: &str, row: &SuccessRow) -> Vec<String> {
     notes
 }
 
-/// What has to be said of a cell: a pool that is cycled, a broken bound.
+/// Notes on a cell: a pool that is cycled, a broken bound.
 pub(super) fn cell_notes(label: &str, policy: Option<&PolicyIdentity>, cell: &CellResult) -> Vec<String> {
     let mut notes = Vec::new();
     if let Some(seen) = policy.and_then(|policy| seen_in_training(policy, cell)) {

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::grid::csv_line;
 
-/// How long a cell took.
+/// Duration of a cell.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CellTiming {
     /// The cell's hash.

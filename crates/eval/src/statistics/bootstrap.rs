@@ -21,7 +21,7 @@ pub const ROUNDS: usize = 10_000;
 /// Root seed of its streams.
 const SEED: u64 = 0;
 
-/// How often each episode is drawn in each round.
+/// Number of times that each episode is drawn in each round.
 #[derive(Clone, Debug)]
 pub struct EpisodeDraws {
     n_episodes: usize,

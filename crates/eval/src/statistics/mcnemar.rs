@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::binomial::{cdf_half_lower, chi2_upper};
 
-/// How often each of two policies succeeded on the same episodes.
+/// Successes of two policies on the same episodes, counted by pairs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PairedCounts {
     /// Both succeeded.

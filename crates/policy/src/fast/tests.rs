@@ -1,4 +1,4 @@
-//! What the tests of all back ends cannot reach: every instruction set, batches of several chunks,
+//! Tests beyond those of all back ends: every instruction set, batches of several chunks,
 //! threads, the perceptron.
 
 use jostle_kernels::Isa;

@@ -79,7 +79,7 @@ impl Config {
     }
 }
 
-/// Whether an override sets a key, by itself or with its whole section.
+/// True if an override sets a key, by itself or with its whole section.
 fn names(argument: &str, key: &str) -> bool {
     let found = argument.split('=').next().unwrap_or_default();
     let parts: Vec<&str> = found.split('.').map(str::trim).collect();
@@ -194,7 +194,7 @@ fn path_at(table: &DeTable<'_>, span: &Range<usize>) -> Option<String> {
     })
 }
 
-/// Where the key of a dotted path stands.
+/// Place of the key of a dotted path.
 fn span_of(table: &DeTable<'_>, path: &str) -> Option<Range<usize>> {
     let (first, rest) = path.split_once('.').map_or((path, None), |(first, rest)| (first, Some(rest)));
     let (key, value) = table.iter().find(|(key, _)| full_name(key.get_ref()) == first)?;

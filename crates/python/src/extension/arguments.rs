@@ -27,7 +27,7 @@ pub(super) fn check_threads(needs_threads: bool) -> PyResult<()> {
     threads::check(needs_threads).map_err(PyRuntimeError::new_err)
 }
 
-/// What the keywords of the Python side come down to.
+/// The keywords of the Python side, resolved.
 #[derive(Clone, FromPyObject, IntoPyObject)]
 pub(super) struct Keywords {
     #[pyo3(item)]
@@ -103,7 +103,7 @@ fn of_settings(error: &jostle_ppo::PpoError) -> PyErr {
     value_error(line.strip_prefix("--set ").map_or(line.clone(), |rest| format!("settings: {rest}")))
 }
 
-/// What the map of a configuration holds that is not read, one line each.
+/// The keys of a configuration's map that are not read, one line each.
 pub(super) fn notes(config: &jostle_ppo::Config) -> PyResult<Vec<String>> {
     settings::notes(config).map_err(value_error)
 }
@@ -187,7 +187,7 @@ pub(super) fn no_row(i: usize) -> PyErr {
     value_error(format!("found room {i}, expected one of those there are"))
 }
 
-/// What Python is told of an episode that ended.
+/// Python's dictionary of an episode that ended.
 pub(super) fn episode_info<'py>(py: Python<'py>, end: &EpisodeEnd) -> PyResult<Bound<'py, PyDict>> {
     let info = PyDict::new(py);
     let EpisodeEnd { finished, min_clearance } = end;

@@ -152,7 +152,7 @@ impl PyCrowdRooms {
         ended.map(|(i, end)| Ok((i, episode_info(py, end)?))).collect()
     }
 
-    /// Who stands where in room i, in world coordinates: for each body x, y, heading, velocity x and y, goal x and y.
+    /// The bodies of room i, in world coordinates: for each body x, y, heading, velocity x and y, goal x and y.
     fn state<'py>(&self, py: Python<'py>, i: usize) -> PyResult<Bound<'py, PyDict>> {
         let rooms = self.lock();
         let room = rooms.rooms().get(i).ok_or_else(|| no_row(i))?;

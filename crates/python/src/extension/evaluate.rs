@@ -14,7 +14,7 @@ use super::planner::PyPlanner;
 use super::policy::PyPolicy;
 use crate::settings::Settings;
 
-/// What a test found: its result and its records as JSON, as the command line writes them, and the number of agents.
+/// The findings of a test: its result and its records as JSON, as the command line writes them, and the number of agents.
 type Found = (String, String, usize);
 
 /// Tests a function. `act(observations, n)` answers n actions for the first n rows of an array
@@ -47,7 +47,7 @@ pub(super) fn evaluate(
     run
 }
 
-/// What the map of a test's rooms holds that is not read, one line each; `policy` is a trained one, or `None`.
+/// The keys of the map of a test's rooms that are not read, one line each; `policy` is a trained one, or `None`.
 #[pyfunction]
 pub(super) fn notes(keywords: Keywords, policy: Option<Bound<'_, PyPolicy>>) -> PyResult<Vec<String>> {
     let base = match &policy {

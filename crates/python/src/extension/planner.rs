@@ -64,13 +64,13 @@ impl PyPlanner {
         self.planner.name()
     }
 
-    /// What it does, in a line.
+    /// Its method, in a line.
     #[getter]
     fn description(&self) -> &'static str {
         self.planner.description()
     }
 
-    /// Whether it reads everyone's true position and velocity instead of observation rows.
+    /// True if it reads everyone's true position and velocity instead of observation rows.
     #[getter]
     fn knows_positions(&self) -> bool {
         self.planner.knows_positions()

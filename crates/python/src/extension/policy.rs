@@ -52,7 +52,7 @@ impl PyPolicy {
         slf.unbind()
     }
 
-    /// What it is called in a report.
+    /// Its name in a report.
     #[getter]
     fn name(&self) -> &str {
         &self.loaded.identity.name

@@ -29,9 +29,9 @@ pub(super) struct PyRobotRoom {
 
 /// Index, reward, terminated, truncated, information.
 type Step<'py> = (usize, f64, bool, bool, Bound<'py, PyDict>);
-/// Where a robot stands: x, y, heading, goal x, goal y, and its clearance.
+/// A robot's place: x, y, heading, goal x, goal y, and its clearance.
 type Stands = ([f32; 5], f64);
-/// What the constructor takes.
+/// The constructor's arguments.
 type Arguments = (Option<PathBuf>, Vec<String>, Option<usize>, u32);
 
 #[pymethods]
@@ -80,7 +80,7 @@ impl PyRobotRoom {
         }
     }
 
-    /// What the room's map holds that is not read, one line each.
+    /// The keys of the room's map that are not read, one line each.
     fn notes(&self) -> PyResult<Vec<String>> {
         notes(&self.config)
     }
@@ -91,7 +91,7 @@ impl PyRobotRoom {
         self.config.sim.episode.dt
     }
 
-    /// Where every robot stands, or stood when its episode ended in the last step; what is said of one that left before means
+    /// The place of every robot, or its place when its episode ended in the last step; of one that left before it means
     /// nothing.
     fn whereabouts(&self) -> Vec<Stands> {
         let room = self.lock();
@@ -176,7 +176,7 @@ impl PyRobotRoom {
         self.room.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// What Python is told of a robot's step beside where it stands: nothing until its episode ends.
+    /// Python's dictionary of a robot's step beside its place: empty until its episode ends.
     fn info<'py>(
         &self,
         py: Python<'py>,

@@ -57,7 +57,7 @@ pub struct PartResult {
     pub pairs: Vec<SeedPair>,
     /// The verdict at 95 %.
     pub verdict: Verdict,
-    /// Whether it is contradicted also at the level divided by the number of parts.
+    /// True if it is contradicted also at the level divided by the number of parts.
     pub contradicted_in_family: bool,
     /// Why it is not more.
     pub reason: Option<String>,
@@ -84,9 +84,9 @@ pub struct ClaimHead {
     pub id: &'static str,
     /// The table.
     pub table: &'static str,
-    /// What it says.
+    /// The statement.
     pub text: &'static str,
-    /// How we read it.
+    /// Our reading of it.
     pub reading: &'static str,
 }
 

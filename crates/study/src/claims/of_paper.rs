@@ -1,6 +1,6 @@
 //! Every comparison that the paper's text makes on its Tables I to V.
 //!
-//! Where the paper's own figures break its sentence, `reading` says so. Margins are ours and are part of the claim.
+//! `reading` says where the paper's own figures break its sentence. Margins are ours and are part of the claim.
 
 use super::{Claim, Measure, Part, Region, Term};
 

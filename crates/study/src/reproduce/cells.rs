@@ -27,7 +27,7 @@ pub(crate) struct Cells {
     pub(crate) read: u64,
 }
 
-/// What is to be run.
+/// The cell that is to be run.
 pub(crate) struct Wanted<'a> {
     pub(crate) protocol: &'a Protocol,
     pub(crate) driver: &'a Driver,

@@ -21,7 +21,7 @@ const EPISODES: u64 = 100;
 /// Pedestrians (paper, V-G).
 const PEDESTRIANS: std::ops::RangeInclusive<usize> = 3..=8;
 
-/// What has to be said of the table.
+/// The note below the table.
 pub(super) const NOTE: &str = "100 episodes a map and seed, as evenly as possible over 3 to 8 social-force pedestrians; our own \
     maps (maps/warehouse.toml, maps/hospital.toml) and simulator stand for the paper's Gazebo worlds. The robot has a Jackal's \
     body and acceleration limits, which do not bind at 1 m/s; goals are at least 5 m away. The interval of one seed is Wilson's.";

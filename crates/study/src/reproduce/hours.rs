@@ -1,4 +1,4 @@
-//! How long training takes here: a few updates are made and timed, never guessed.
+//! Training time on this machine: a few updates are made and timed, never guessed.
 
 use std::time::Instant;
 

@@ -45,7 +45,7 @@ use jostle_runs::provenance::workspace;
 use jostle_runs::run_folder::write_atomically;
 use jostle_runs::threads;
 
-/// Who trains what a table needs.
+/// The trainer of what a table needs.
 pub trait Trainings {
     /// Trains the configuration's updates into `folder`, or as many as are missing there.
     ///
@@ -72,7 +72,7 @@ type Table = fn(&mut RowEvaluator) -> Result<PooledTable>;
     cargo xtask reproduce all --train --slurm --slurm-options cluster.toml"
 )]
 pub struct ReproduceArgs {
-    /// What to reproduce.
+    /// The target to reproduce.
     #[arg(value_enum)]
     target: Target,
     /// `small`: train small policies within minutes (table1 alone). `paper`: the shipped policies, or `--train`.

@@ -22,7 +22,7 @@ const FIGURES: [(&str, &str); 3] = [
 
 /// The table that is made of others instead of being a file.
 const OVERVIEW: &str = "overview";
-/// What stands for a result that is not there.
+/// The text in place of a result that is not there.
 const NOTHING: &str = "*Not run yet.*\n";
 
 /// The pages with tables, the one with all of them first.

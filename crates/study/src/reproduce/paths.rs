@@ -75,7 +75,7 @@ fn csv(ways: &[Way]) -> String {
     csv
 }
 
-/// What the ways need, with room around.
+/// The extent of the ways, with room around.
 fn view(ways: &[Way]) -> ([f64; 2], [f64; 2]) {
     let positions = ways.iter().flat_map(|way| &way.points).map(|(pose, _)| pose.position.as_dvec2());
     let (least, most) = positions

@@ -1,4 +1,4 @@
-//! What the paper's tables are made of: training settings ("variants"), each the base setting but for what a row varies,
+//! The plan of the paper's tables: training settings ("variants"), each the base setting but for what a row varies,
 //! and rows, each a variant at a number of updates.
 //!
 //! The base is `configs/headline.toml`, one setting for all rows of the paper; the strong policy has its own,
@@ -19,7 +19,7 @@ pub(crate) struct Variant {
     pub(crate) name: &'static str,
     /// A base of its own, below the workspace; `None`: that of the plan.
     base: Option<&'static str>,
-    /// What it changes on the base.
+    /// Its changes to the base.
     overrides: &'static [&'static [&'static str]],
     /// Numbers of updates at which it is tested; the last is the length of its training.
     pub(crate) updates: &'static [u64],
@@ -65,7 +65,7 @@ pub(crate) const STRONG: &str = "strong";
 const STRONG_FILE: &str = "configs/strong.toml";
 
 const SAFETY_ZONE: &str = "safety-zone";
-/// Where the weights of the safety-zone baseline are.
+/// File with the weights of the safety-zone baseline.
 const SAFETY_ZONE_FILE: &str = "configs/safety_zone.toml";
 
 const fn variant(
@@ -83,7 +83,7 @@ impl Variant {
         self.updates.iter().copied().max().unwrap_or(0)
     }
 
-    /// Whether a policy of this training seed is one of it.
+    /// True if a policy of this training seed is one of it.
     fn takes(&self, seed: u64) -> bool {
         (self.name == POOL) == (seed >= POOL_SEEDS_FROM)
     }
@@ -97,7 +97,7 @@ pub(crate) struct RowSpec {
     pub(crate) updates: u64,
     /// Agents in its test rooms, the robot among them; `None`: as many as in training.
     pub(crate) n_agents: Option<usize>,
-    /// Where it stands.
+    /// Its places in the tables.
     pub(crate) serves: &'static [&'static str],
 }
 

@@ -14,7 +14,7 @@ use jostle_peds::CrowdKind;
 
 use super::evaluator::RowEvaluator;
 
-/// What has to be said where there are rows of planners.
+/// The note below tables with rows of planners.
 pub(super) const NOTE: &str = "planner: not learned and not of the paper (docs/planners.md), on the same episodes. 95 %: Wilson's \
     interval over the episodes. orca and social-force read everyone's true position and velocity, the others the robot's own \
     observation row.";
@@ -26,7 +26,7 @@ pub(super) type Sites = BTreeMap<String, Vec<CompactEpisode>>;
 
 /// A learned row that planners are compared with on paired episodes.
 pub(super) struct Reference {
-    /// What a note calls it.
+    /// Its name in a note.
     name: &'static str,
     row: Row,
 }
@@ -147,7 +147,7 @@ fn note(sites: &Sites, names: &[&str], references: &[Reference]) -> Option<Strin
     (!notes.is_empty()).then(|| notes.join("; "))
 }
 
-/// How a learned row does against a planner on paired episodes, by site. All its training seeds together count as one sample of
+/// A learned row against a planner on paired episodes, by site. All its training seeds together count as one sample of
 /// pairs; as they meet the planner on the same episodes, the largest p of a single seed is given, too.
 pub(super) fn pooled_note(row: &Row, planner: Planner, sites: &Sites, names: &[&str]) -> Option<String> {
     let of_site = |name: &&str| {

@@ -32,7 +32,7 @@ impl Found {
     }
 }
 
-/// Where policies come from.
+/// The source of policies.
 pub(crate) struct Policies {
     plan: Plan,
     checkpoints: PathBuf,
@@ -44,13 +44,13 @@ pub(crate) struct Policies {
     trained: BTreeSet<&'static str>,
 }
 
-/// Whether a policy that has seen some updates may stand in a row that wants others, where rows of these lengths are tested:
+/// True if a policy that has seen some updates may stand in a row that wants others, where rows of these lengths are tested:
 /// a shorter one may, but not the one of another row, which would be printed twice.
 fn stands_for(trained: u64, wanted: u64, lengths: &[u64]) -> bool {
     trained == wanted || (trained < wanted && !lengths.contains(&trained))
 }
 
-/// Where a run of a variant belongs below the folder of all runs.
+/// Folder of a run of a variant, below the folder of all runs.
 pub(crate) fn run_folder(runs: &Path, variant: &str, seed: u64) -> PathBuf {
     runs.join(format!("{variant}-seed{seed}"))
 }

@@ -25,15 +25,15 @@ const ROWS_5: [&str; 2] = ["m1", "m5"];
 /// The strong policy by the number of agents.
 pub(super) const ROWS_STRONG: [&str; 2] = ["strong", "strong-n10"];
 
-/// How values and intervals are to be read.
+/// The note on values and intervals.
 const READING: &str = "ours: mean over training seeds (robot's token z = 0). 95 %: with one seed, over its episodes (Wilson for a \
     rate, Student for a mean); with several, Student's interval over the seeds. paper: the figure printed there.";
 
-/// How comparisons of planners with learned rows are to be read.
+/// The note on comparisons of planners with learned rows.
 const PAIRED: &str = "against M = 1 (M = 5): difference to the mean of its training seeds, and the largest p of McNemar's exact \
     test over them, each on the same episodes.";
 
-/// How the comparison of the strong policy with a planner is to be read.
+/// The note on the comparison of the strong policy with a planner.
 const POOLED: &str = "against dwa: difference of success; in brackets the episodes that only the policy or only dwa brought to the \
     goal, all training seeds together, and p of McNemar's exact test of them; as the seeds meet dwa on the same episodes, the \
     largest p of a single seed stands beside it.";
@@ -338,7 +338,7 @@ fn note(evaluated: &Evaluated) -> Option<String> {
     Some(format!("trained for {done} updates, not for the paper's {wanted}"))
 }
 
-/// Whether no episode went farther than its time allows.
+/// The check that no episode went farther than its time allows, in words.
 fn distance_check(evaluated: &Evaluated, policy: &str) -> Option<String> {
     let scale = evaluated.found.first()?.policy.sim_config().ok()?.robot.v_max;
     let episodes: Vec<&CompactEpisode> =

@@ -1,4 +1,4 @@
-//! What is shipped of a training curve: its first updates to the byte, and all of it in means over windows.
+//! The shipped part of a training curve: its first updates to the byte, and all of it in means over windows.
 
 use anyhow::{Context as _, Result, ensure};
 use jostle_eval::report::grid::csv_line;

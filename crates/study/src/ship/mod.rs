@@ -1,7 +1,7 @@
 //! `cargo xtask ship`: finished training runs become small policies in `checkpoints/`, with a manifest that says where each
 //! comes from.
 //!
-//! Which row a run serves follows from its configuration (`crate::reproduce::plan`). A policy is the actor alone, by
+//! A run's configuration decides the row that it serves (`crate::reproduce::plan`). A policy is the actor alone, by
 //! default in half precision; the success rates that are reported are those of the shipped form.
 
 pub(crate) mod curve;
@@ -72,7 +72,7 @@ impl Stored {
 
 /// Folder below `checkpoints/` for curves.
 const CURVES: &str = "curves";
-/// Where files wait until all of them are written.
+/// Folder in which files wait until all of them are written.
 const WAITING: &str = "waiting.tmp";
 
 /// Ships the runs, or nothing.
@@ -210,7 +210,7 @@ fn lengths(variant: &Variant, updates: u64) -> Vec<u64> {
     lengths
 }
 
-/// What a policy serves; `whole` where it is the end of its run.
+/// The rows that a policy serves; `whole` where it is the end of its run.
 fn serves(variant: &Variant, updates: u64, whole: bool) -> Vec<String> {
     if variant.name == POOL {
         return vec![if whole { "crowds NH, IN, VA" } else { "crowd SO" }.to_owned()];

@@ -28,7 +28,7 @@ pub struct Rate {
 /// A grid of rates.
 #[derive(Clone, Debug)]
 pub struct HeatMap {
-    /// What is shown.
+    /// The title.
     pub title: String,
     /// Names of the rows and of the columns.
     pub rows: Vec<String>,

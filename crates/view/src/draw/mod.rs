@@ -75,7 +75,7 @@ fn legend(head: &Area<'_>, entries: &[Entry]) -> Result<()> {
     Ok(())
 }
 
-/// Where the names of a legend stand.
+/// Places of the names of a legend.
 fn places(entries: &[Entry], sheet_width: u32) -> Vec<(i32, i32)> {
     let (mut x, mut y) = (LEGEND_LEFT, 10);
     let mut places = Vec::new();

@@ -25,7 +25,7 @@ pub struct PathPoint {
     pub speed: f64,
 }
 
-/// How a way ends.
+/// The end of a way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PathEnd {
@@ -44,14 +44,14 @@ pub struct RobotPath {
     pub label: String,
     /// From the start on, a point for each step.
     pub points: Vec<PathPoint>,
-    /// How it ended.
+    /// Its end.
     pub end: PathEnd,
 }
 
 /// Ways from one start to one goal; as JSON, a file that `plot` draws.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct PathFigure {
-    /// What is shown.
+    /// The title.
     pub title: String,
     /// The part of the room that is shown: least and largest corner (m).
     pub view: ([f64; 2], [f64; 2]),
@@ -198,7 +198,7 @@ fn arrow(
     Ok(())
 }
 
-/// What an arrow's length means, and the figure's own note.
+/// The note on an arrow's length, and the figure's own note.
 fn draw_note(body: &Area<'_>, (left, foot): (i32, i32), figure: &PathFigure, scale: f64) -> Result<()> {
     let style = TextStyle::from((FONT, 12).into_font()).color(&GREY);
     let frame = Frame { scale, left: 0.0, top: 0.0 };

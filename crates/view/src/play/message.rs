@@ -1,4 +1,4 @@
-//! What the page and the server say to each other: JSON, one object a message.
+//! Messages between the page and the server: JSON, one object a message.
 
 use jostle_arena::Outcome;
 use jostle_peds::CrowdKind;
@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::replay::page::Scene;
 
-/// What a visitor asks for.
+/// A visitor's wish.
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(tag = "do", rename_all = "snake_case", deny_unknown_fields)]
 pub(crate) enum ClientMessage {
@@ -44,11 +44,11 @@ pub(crate) struct Setup {
     pub(crate) seed: u64,
 }
 
-/// What a visitor is told.
+/// A message to a visitor.
 #[derive(Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub(crate) enum ServerMessage<'a> {
-    /// What there is to choose from: once, first.
+    /// The choices: once, first.
     Choices { policies: &'a [PolicyChoice], crowds: &'a [CrowdKind], pedestrians_max: usize },
     /// The room: when it is new or got an obstacle.
     Room { scene: &'a Scene, setup: &'a Setup, episode: u64, policy: &'a str, learned: bool },
@@ -87,7 +87,7 @@ pub(crate) struct Frame {
     /// x, y, heading.
     pub(crate) pedestrians: Vec<[f32; 3]>,
     pub(crate) goals: Vec<[f32; 2]>,
-    /// How the episode ended, if it did.
+    /// The episode's outcome, if it ended.
     pub(crate) outcome: Option<Outcome>,
 }
 

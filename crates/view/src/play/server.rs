@@ -21,10 +21,10 @@ const CONNECTIONS_MAX: usize = 32;
 /// A connection that says nothing, or takes nothing, for so long is closed.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// What every connection needs.
+/// Things that every connection needs.
 pub(crate) struct Server {
     pub(crate) catalogue: Catalogue,
-    /// What a visit begins with.
+    /// The setup that a visit begins with.
     pub(crate) first: Setup,
     visits: AtomicUsize,
     connections: AtomicUsize,
@@ -125,7 +125,7 @@ impl Server {
     }
 }
 
-/// Whether a request was meant for this server: by name and, where a script sent it, from this server's own page.
+/// True if a request was meant for this server: by name and, where a script sent it, from this server's own page.
 fn is_ours(head: &Head, address: SocketAddr) -> bool {
     let names = [address.to_string(), format!("localhost:{}", address.port())];
     let host = head.field("host").is_some_and(|host| names.iter().any(|name| name == host));

@@ -25,7 +25,7 @@ const OBSTACLES_MAX: usize = 60;
 /// Radius of an added obstacle (m).
 const OBSTACLE: f32 = 0.5;
 
-/// What all sessions choose from.
+/// The choices of all sessions.
 pub(crate) struct Catalogue {
     pub(crate) drivers: Vec<Driver>,
     pub(crate) pools: Pools,
@@ -132,7 +132,7 @@ impl<'a> Session<'a> {
         self.plan.config.sim.episode.dt
     }
 
-    /// Whether the episode has ended.
+    /// True if the episode has ended.
     pub(crate) fn has_ended(&self) -> bool {
         self.outcome.is_some()
     }

@@ -17,11 +17,11 @@ use jostle_runs::output::one_line;
 const MESSAGE_MAX: usize = 4096;
 /// Seconds of the room in a second.
 const TIMES: std::ops::RangeInclusive<f32> = 0.1..=16.0;
-/// How long a visitor sees how an episode ended (s), before the next one begins.
+/// Time for which a visitor sees the end of an episode (s), before the next one begins.
 const REST: f32 = 1.5;
 /// Between two looks at a socket while time stands still.
 const IDLE: Duration = Duration::from_millis(200);
-/// What a visitor may ask before the next step; one who asks more waits.
+/// Wishes that a visitor may have before the next step; one with more of them waits.
 const ASKS_MAX: usize = 64;
 
 struct Visit<'a> {

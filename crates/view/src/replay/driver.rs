@@ -1,4 +1,4 @@
-//! Who drives the robot of a replay, with what a reader wants to know of them.
+//! Drivers of a replay's robot, with what a reader wants to know of them.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -11,9 +11,9 @@ use jostle_runs::policies;
 
 /// A trained policy or a planner, as a page names it.
 pub struct Driver {
-    /// What a page calls it.
+    /// Its name on a page.
     pub name: String,
-    /// What a reader wants to know of it: sizes, training, token.
+    /// A reader's note on it: sizes, training, token.
     pub note: String,
     /// `None` for a planner, which has none.
     pub token: Option<u32>,

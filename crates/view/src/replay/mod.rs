@@ -54,7 +54,7 @@ pub struct ReplayArgs {
     /// Only episodes that end so for the (first) policy.
     #[arg(long, value_enum, default_value_t = Wanted::Any)]
     outcome: Wanted,
-    /// How many episodes to search for them.
+    /// Number of episodes to search for them.
     #[arg(long, value_name = "N", default_value_t = 1000)]
     search: u64,
     /// Policies that drive learned pedestrians: files, run folders, or a folder of either; may be repeated.
@@ -83,7 +83,7 @@ pub struct ReplayArgs {
     threads: Option<NonZeroUsize>,
 }
 
-/// Which episodes are wanted.
+/// The kind of episodes that is wanted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Wanted {
     /// All of them.
@@ -151,10 +151,10 @@ pub fn config_of(drivers: &[Driver], agents: Option<usize>) -> Result<ArenaConfi
     Ok(config)
 }
 
-/// Which episodes a page shows.
+/// The episodes of a page.
 #[derive(Clone, Copy)]
 pub struct Wish {
-    /// How the episodes must end.
+    /// The end that the episodes must have.
     pub wanted: Wanted,
     /// For each crowd.
     pub episodes: usize,

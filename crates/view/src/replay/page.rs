@@ -30,7 +30,7 @@ const PLAYER: &str = include_str!("player.js");
 /// Largest coordinate and range that the page's integers hold (m).
 const LARGEST: f32 = 320.0;
 
-/// What all episodes have in common.
+/// The things that all episodes have in common.
 #[derive(Serialize)]
 pub struct Scene {
     /// Walls, then obstacles: corners in metres.
@@ -53,7 +53,7 @@ struct LaserScene {
     /// Angle between two kept beams (rad).
     step: f32,
     range: f32,
-    /// Whether the beams go all round, so that the last one is the first one's neighbour.
+    /// True if the beams go all round, so that the last one is the first one's neighbour.
     circle: bool,
 }
 
@@ -174,7 +174,7 @@ impl Page {
         }
     }
 
-    /// What is on the page, a line for each policy.
+    /// The content of the page, a line for each policy.
     pub fn summary(&self) -> String {
         let line = |(k, policy): (usize, &PolicyEntry)| {
             let count = |outcome| self.episodes.iter().filter(|e| e.runs[k].outcome == outcome).count();

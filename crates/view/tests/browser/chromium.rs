@@ -14,9 +14,9 @@ use jostle_runs::tools::on_path;
 const VARIABLE: &str = "JOSTLE_CHROMIUM";
 const NAMES: [&str; 5] =
     ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "microsoft-edge"];
-/// How long a start may take on a busy machine.
+/// Longest time for a start on a busy machine.
 const START: Duration = Duration::from_mins(2);
-/// What the program says before the address of its protocol.
+/// The program's text before the address of its protocol.
 const LISTENING: &str = "DevTools listening on ";
 
 /// A running browser with a profile of its own.

@@ -9,7 +9,7 @@ use tungstenite::client::{IntoClientRequest as _, client_with_config};
 use tungstenite::protocol::WebSocketConfig;
 use tungstenite::{Message, WebSocket};
 
-/// How long an answer may take.
+/// Longest time for an answer.
 const PATIENCE: Duration = Duration::from_mins(1);
 
 /// A connection to a browser.
@@ -57,7 +57,7 @@ impl DevTools {
         Err(anyhow!("{method}: no answer within {PATIENCE:?}"))
     }
 
-    /// What happened since the last call of this.
+    /// The events since the last call of this.
     pub(super) fn take_events(&mut self) -> Vec<Value> {
         std::mem::take(&mut self.events)
     }

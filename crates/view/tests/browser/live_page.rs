@@ -1,4 +1,4 @@
-//! What has to work on the live page, and what its server refuses.
+//! The live page at work, and the refusals of its server.
 
 use std::time::Duration;
 

@@ -1,4 +1,4 @@
-//! What has to work on the replay page.
+//! The replay page at work.
 
 use std::path::Path;
 

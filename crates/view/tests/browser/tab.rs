@@ -11,7 +11,7 @@ use super::chromium::Chromium;
 use super::devtools::DevTools;
 use jostle_runs::run_folder::write_bytes_atomically;
 
-/// How long something may take to happen on a busy machine.
+/// Longest time for something to happen on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(30);
 /// Smallest letters that count as legible (CSS pixels).
 const LETTERS: f64 = 11.0;
@@ -97,7 +97,7 @@ impl Tab {
         Ok(())
     }
 
-    /// Where a share of an element's box is on the page, after it was scrolled into view.
+    /// Place of a share of an element's box on the page, after it was scrolled into view.
     fn place(&mut self, selector: &str, (x, y): (f64, f64)) -> Result<(f64, f64)> {
         let quoted = Value::from(selector);
         let place = self.eval(&format!(
@@ -183,7 +183,7 @@ impl Tab {
         Ok(())
     }
 
-    /// What is seen, as PNG.
+    /// The visible part of the page, as PNG.
     pub(super) fn screenshot(&mut self, path: &Path) -> Result<()> {
         let shot = self.call("Page.captureScreenshot", &json!({ "format": "png" }))?;
         let data = shot["data"].as_str().unwrap_or_default();

@@ -1,4 +1,4 @@
-//! Which workload is done by whom, on how many threads, and what ratio is asked for.
+//! The contests: workload, contestants, number of threads, and the ratio asked for.
 
 use anyhow::{Result, bail};
 use jostle_bench::PeerWork;

@@ -1,4 +1,4 @@
-//! How other software gets here: a Python environment of its own, RVO2 built from a checkout, Stage as it is.
+//! Installation of other software: a Python environment of its own, RVO2 built from a checkout, Stage as it is.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -11,7 +11,7 @@ use super::{PeersArgs, packages};
 use jostle_runs::output::note;
 use jostle_runs::provenance;
 
-/// What is asked of the package index: name and version. PyTorch's is the one whose figures the project quotes.
+/// The packages asked of the package index: name and version. PyTorch's is the one whose figures the project quotes.
 const PINNED: [(&str, &str); 3] = [("torch", "2.8.0"), ("ir-sim", "2.12.0"), ("vmas", "1.5.2")];
 /// The size of what PyTorch's Linux wheel on the package index needs: it cannot be imported without CUDA's libraries.
 const TORCH_SIZE: &str = "about 3.5 GB from PyPI (its Linux wheel does not load without CUDA's libraries; --torch-index takes a \
@@ -128,7 +128,7 @@ impl<'a> Installed<'a> {
     }
 }
 
-/// Where our drivers of other software stand.
+/// Folder of our drivers of other software.
 pub(super) fn peers_folder() -> PathBuf {
     provenance::workspace().join("crates/bench/peers")
 }

@@ -101,7 +101,7 @@ fn measure(contest: Contest, rounds: u32, installed: &Installed<'_>) -> Result<M
     Ok(measured)
 }
 
-/// Whether a peer needs Python, and which packages it must have.
+/// The Python packages that a peer must have; empty if it needs no Python.
 fn packages(peer: Peer) -> &'static [&'static str] {
     match peer {
         Peer::PyTorch => &["torch"],

@@ -61,7 +61,7 @@ impl Measured {
         ]
     }
 
-    /// How far the two sides' results are apart, relative; `None` where the work has none.
+    /// Relative difference of the two sides' results; `None` where the work has none.
     fn disagreement(&self) -> Option<f64> {
         let (ours, theirs) = (self.ours.first()?.check?, self.theirs.first()?.check?);
         Some((ours - theirs).abs() / theirs.abs().max(f64::MIN_POSITIVE))

@@ -18,7 +18,7 @@ const STAGE_SECONDS: f64 = 120.0;
 /// Agent-steps of a round of Stage: five robots, ten steps in a second.
 const STAGE_UNITS: f64 = STAGE_SECONDS * 10.0 * 5.0;
 
-/// What a process says when it is ready.
+/// A process's message when it is ready.
 #[derive(Deserialize)]
 struct Greeting {
     version: String,
@@ -96,7 +96,7 @@ impl Side {
         Ok(Self { version, kind: Kind::Stage { binary: binary.to_owned(), world } })
     }
 
-    /// What the side says of its version.
+    /// The side's own version text.
     pub(super) fn version(&self) -> &str {
         &self.version
     }

@@ -1,4 +1,4 @@
-//! What the small Table 1 needs: the runs, their seeds, and the checkpoint that each row is tested at.
+//! The plan of the small Table 1: the runs, their seeds, and the checkpoint that each row is tested at.
 
 use crate::paper::{BehavioursRow, TABLE_1};
 use jostle_diversity::IntrinsicReward;
@@ -23,7 +23,7 @@ pub(crate) fn updates(of_paper: u64) -> u64 {
     of_paper / DIVISOR
 }
 
-/// What a row says of its training.
+/// The note on a row's training.
 pub(crate) fn note(row: &BehavioursRow) -> String {
     format!("{} updates stand for the paper's {}", updates(row.updates.into()), row.updates)
 }
