@@ -136,7 +136,9 @@ fn schema(definition: &'static Definition) -> Schema {
         if !known.contains(&next.name) {
             known.push(next.name);
             let line = "=".repeat(80);
-            text.push_str(&format!("{line}\nMSG: {}\n{}", next.name, next.fields));
+            for part in [&*line, "\nMSG: ", next.name, "\n", next.fields] {
+                text.push_str(part);
+            }
             waiting.extend(next.uses);
         }
     }
