@@ -7,6 +7,7 @@
 - :class:`Policy`: a policy that jostle trained.
 - :func:`planner`: a robot that nobody trained, by its name.
 - :func:`scan_to_row`: from a robot's own numbers to the row that a policy reads.
+- :func:`write_policy`: a network of PyTorch as a policy's file.
 
 Mistakes are `ValueError`\\ s of one line: the setting, what was found, what was expected.
 """
@@ -20,6 +21,7 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
+from ._convert import write_policy
 from ._env import RoomEnv
 from ._evaluation import Evaluation, evaluate
 from ._jostle import __version__
@@ -47,6 +49,7 @@ __all__ = [
     "planner",
     "scan_to_row",
     "split",
+    "write_policy",
 ]
 
 #: The crowds: NH, IN, VA and SO are driven by policies, VO by ORCA, SF by social forces.

@@ -38,8 +38,8 @@ pub struct TraceFrame {
     pub velocity: [f32; 2],
     /// Noise-free distance from the robot's centre to the nearest thing all round (m).
     pub min_range: f32,
-    /// Noise-free ranges of the kept beams, counter-clockwise from beam 0; 0 is 0 m and 255 the laser's range.
-    pub ranges: Vec<u8>,
+    /// Noise-free ranges of the kept beams, counter-clockwise from beam 0 (m); one that met nothing holds the laser's range.
+    pub ranges: Vec<f32>,
     /// The pedestrians, those that were re-spawned in this step at their new places.
     pub pedestrians: Vec<Pedestrian>,
 }
@@ -56,7 +56,8 @@ pub fn beam_stride(total: usize, beams: usize) -> usize {
     total.div_ceil(beams.max(1)).max(1)
 }
 
-/// Runs episodes side by side and keeps every step; the answer has each episode once, in the order of their indices.
+/// Runs episodes side by side and keeps every step; the answer has each episode once, in the order of their indices. Of a scan at
+/// most `beams` are kept, as [`beam_stride`] says; `usize::MAX` keeps all.
 ///
 /// # Errors
 ///
@@ -78,13 +79,13 @@ pub fn trace_episodes(
     let factors: BTreeMap<u64, Vec<f32>> =
         rooms.iter().map(|room| (room.episode(), room.speed_factors().to_vec())).collect();
     let mut frames: BTreeMap<u64, Vec<TraceFrame>> =
-        rooms.iter().map(|room| (room.episode(), vec![frame(plan, room, stride)])).collect();
+        rooms.iter().map(|room| (room.episode(), vec![frame(room, stride)])).collect();
     let mut ended = BTreeMap::new();
     let mut stepper = RoomStepper::default();
     while !rooms.is_empty() {
         let ends = stepper.step(plan, robot, crowd, &mut rooms)?;
         for room in &rooms {
-            frames.entry(room.episode()).or_default().push(frame(plan, room, stride));
+            frames.entry(room.episode()).or_default().push(frame(room, stride));
         }
         let finished = take_ended(&mut rooms, ends);
         ended.extend(finished.into_iter().map(|finished| (finished.episode, finished)));
@@ -102,15 +103,12 @@ pub fn trace_episodes(
         .collect())
 }
 
-fn frame(plan: &RoomPlan, room: &ArenaRoom, stride: usize) -> TraceFrame {
-    let limit = plan.config.sim.laser.range;
-    let ranges = room.robot_ranges();
-    let quantise = |range: &f32| (range / limit * 255.0).round().clamp(0.0, 255.0) as u8;
+fn frame(room: &ArenaRoom, stride: usize) -> TraceFrame {
     TraceFrame {
         robot: room.robot(),
         velocity: room.robot_velocity(),
         min_range: room.robot_nearest(),
-        ranges: ranges.iter().step_by(stride).map(quantise).collect(),
+        ranges: room.robot_ranges().iter().step_by(stride).copied().collect(),
         pedestrians: room.pedestrians().to_vec(),
     }
 }

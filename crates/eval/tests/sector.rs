@@ -110,8 +110,7 @@ fn a_robot_is_hit_by_whom_it_does_not_see() {
         let last = trace.frames.last().unwrap();
         let hit = trace.finished.outcome == Outcome::CollisionPedestrian;
         assert_eq!(hit, last.min_range < 0.5, "{:?}", trace.finished);
-        // 1 m of 10 m.
-        unseen += u32::from(hit && last.ranges.iter().all(|range| *range > 25));
+        unseen += u32::from(hit && last.ranges.iter().all(|range| *range > 1.0));
     }
     assert!(unseen > 3, "{unseen} robots were hit by somebody out of sight");
 }

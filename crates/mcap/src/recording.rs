@@ -7,13 +7,14 @@
 //! | `/tf` | `tf2_msgs/TFMessage` | `map` to `base_link` to `laser` |
 //! | `/markers` | `visualization_msgs/MarkerArray` | pedestrians, the goal, walls |
 //!
-//! Episodes follow one another, with a pause between them; time starts at 1 s, as 0 means "the newest" to ROS.
+//! Episodes follow one another, with a pause between them; time starts at 1 s, as 0 means "the newest" to ROS. The file's metadata has a record
+//! `episode K` for each, K from 0: its name, its notes, and `begin` and `end`, the times of its first and last message, ns.
 
 use std::collections::BTreeMap;
 use std::io::{Seek, Write};
 
 use cdr_encoding::to_writer;
-use mcap::records::MessageHeader;
+use mcap::records::{MessageHeader, Metadata};
 use mcap::{Compression, WriteOptions};
 use serde::Serialize;
 
@@ -74,8 +75,10 @@ pub struct Moment {
 /// An episode.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Episode {
-    /// What it is called; a name of the file's metadata.
+    /// What it is called.
     pub name: String,
+    /// More of it, by key. The keys `name`, `begin` and `end` are taken.
+    pub notes: BTreeMap<String, String>,
     /// From the start on, one moment a step.
     pub moments: Vec<Moment>,
 }
@@ -133,12 +136,14 @@ pub fn write<W: Write + Seek>(
     }
     let mut out = Out { writer, channels, sequence: [0; 4] };
     let mut now = START;
-    for episode in episodes {
+    for (index, episode) in episodes.iter().enumerate() {
+        let begin = now;
         for (step, moment) in episode.moments.iter().enumerate() {
+            now = begin + scene.step * step as u64;
             scene.moment(&mut out, now, step == 0, moment)?;
-            now += scene.step;
         }
-        now += PAUSE;
+        out.writer.write_metadata(&metadata(index, episode, begin, now)).map_err(failed)?;
+        now += scene.step + PAUSE;
     }
     out.writer.finish().map_err(failed)?;
     Ok(())
@@ -146,6 +151,13 @@ pub fn write<W: Write + Seek>(
 
 /// Topics, in the order of the schemas.
 pub const TOPICS: [&str; 4] = ["/scan", "/odom", "/tf", "/markers"];
+
+fn metadata(index: usize, episode: &Episode, begin: u64, end: u64) -> Metadata {
+    let mut metadata = episode.notes.clone();
+    let own = [("name", episode.name.clone()), ("begin", begin.to_string()), ("end", end.to_string())];
+    metadata.extend(own.map(|(key, value)| (key.to_owned(), value)));
+    Metadata { name: format!("episode {index}"), metadata }
+}
 
 /// The file, with what is counted.
 struct Out<W: Write + Seek> {
@@ -319,7 +331,8 @@ mod tests {
             ranges: vec![1.5, 10.0, 3.0, 0.25],
             pedestrians: vec![[4.0, 1.0], [5.0, f32::from(step)]],
         };
-        Episode { name: "an episode".to_owned(), moments: (0..steps).map(moment).collect() }
+        let notes = [("crowd".to_owned(), "SF".to_owned())].into();
+        Episode { name: "an episode".to_owned(), notes, moments: (0..steps).map(moment).collect() }
     }
 
     fn bytes(episodes: &[Episode]) -> Vec<u8> {
@@ -394,6 +407,21 @@ mod tests {
             ("/tf", "tf2_msgs/msg/TFMessage"),
         ];
         assert_eq!(found, expected.map(|(topic, name)| (topic.to_owned(), name.to_owned())));
+    }
+
+    #[test]
+    fn metadata_tells_one_episode_from_another() {
+        let file = bytes(&[episode(3), episode(2)]);
+        let mut found = Vec::new();
+        for record in mcap::read::LinearReader::new(&file).unwrap() {
+            if let mcap::records::Record::Metadata(metadata) = record.unwrap() {
+                let value = |key: &str| metadata.metadata[key].clone();
+                found.push([metadata.name.clone(), value("begin"), value("end"), value("crowd")]);
+            }
+        }
+        assert_eq!(found[0], ["episode 0", "1000000000", "1200000000", "SF"]);
+        assert_eq!(found[1], ["episode 1", "2300000000", "2400000000", "SF"]);
+        assert_eq!(found.len(), 2);
     }
 
     #[test]

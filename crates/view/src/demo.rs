@@ -13,7 +13,7 @@ use jostle_eval::protocol::Protocol;
 use jostle_peds::CrowdKind;
 
 use crate::replay::driver::Driver;
-use crate::replay::{Wanted, Wish, config_of, record, write};
+use crate::replay::{Wish, config_of, record, write};
 use jostle_runs::output;
 
 /// The folder of shipped policies.
@@ -67,8 +67,8 @@ pub fn run(args: &DemoArgs) -> Result<ExitCode> {
         drivers.insert(drivers.len().min(1), Driver::planner(PLANNER));
     }
     let protocol = Protocol::new(config_of(&drivers, Some(AGENTS))?, Pools::default())?;
-    let wish = Wish { wanted: Wanted::Any, episodes: EPISODES, search: 0 };
-    let page = record(&protocol, &drivers, &[CrowdKind::Sf, CrowdKind::Vo], wish)?;
+    let wish = Wish::first(EPISODES);
+    let page = record(&protocol, &drivers, &[CrowdKind::Sf, CrowdKind::Vo], &wish)?.page;
     let path = write(&page, &args.out)?;
     output::result(&format!("{}\n{}\n", page.summary(), path.display()))?;
     output::note(&format!("made in {:.1} s", started.elapsed().as_secs_f64()));

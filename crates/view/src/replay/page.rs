@@ -163,13 +163,14 @@ impl Page {
     /// If the columns are not the same episodes.
     pub fn add(&mut self, columns: &[Vec<EpisodeTrace>]) {
         for (row, trace) in columns[0].iter().enumerate() {
+            let range = self.world.laser.range;
             let traces: Vec<&EpisodeTrace> = columns.iter().map(|column| &column[row]).collect();
             assert!(traces.iter().all(|other| other.finished.episode == trace.finished.episode));
             self.episodes.push(Episode {
                 crowd: trace.crowd,
                 episode: trace.finished.episode,
                 goal: trace.finished.goal,
-                runs: traces.into_iter().map(run_of).collect(),
+                runs: traces.into_iter().map(|trace| run_of(trace, range)).collect(),
             });
         }
     }
@@ -224,7 +225,8 @@ pub fn fill(template: &str, parts: &[(&str, &str)]) -> String {
     text + rest
 }
 
-fn run_of(trace: &EpisodeTrace) -> Run {
+/// `range` is the laser's (m).
+fn run_of(trace: &EpisodeTrace, range: f32) -> Run {
     let frames = &trace.frames;
     let pose = |body: &Pedestrian| [centi(body.position.x), centi(body.position.y), milli(body.heading)];
     let integers = |of: &dyn Fn(&TraceFrame) -> Vec<i16>| -> String {
@@ -240,10 +242,16 @@ fn run_of(trace: &EpisodeTrace) -> Run {
         command: integers(&|frame| frame.velocity.map(milli).to_vec()),
         near: integers(&|frame| vec![centi(frame.min_range)]),
         ranges: BASE64_STANDARD
-            .encode(frames.iter().flat_map(|frame| frame.ranges.iter().copied()).collect::<Vec<u8>>()),
+            .encode(frames.iter().flat_map(|frame| ranges_of(frame, range)).collect::<Vec<u8>>()),
         pedestrians: integers(&|frame| frame.pedestrians.iter().flat_map(pose).collect()),
         goals: goals_of(frames),
     }
+}
+
+/// The ranges of the beams that a page keeps, of those that the trace has: 0 is 0 m and 255 the laser's range.
+fn ranges_of(frame: &TraceFrame, range: f32) -> impl Iterator<Item = u8> {
+    let quantise = move |reading: &f32| (reading / range * 255.0).round().clamp(0.0, 255.0) as u8;
+    frame.ranges.iter().step_by(beam_stride(frame.ranges.len(), BEAMS)).map(quantise)
 }
 
 /// The pedestrians' first goals and each one that replaces another.

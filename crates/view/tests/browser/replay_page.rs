@@ -11,7 +11,7 @@ use jostle_peds::CrowdKind;
 
 use super::tab::Tab;
 use jostle_view::replay::driver::Driver;
-use jostle_view::replay::{Wanted, Wish, record, write as write_page};
+use jostle_view::replay::{Wish, record, write as write_page};
 
 /// Episodes in each crowd: among so many, the goal-seeker ends in more than one way.
 const EPISODES: usize = 12;
@@ -20,8 +20,7 @@ const EPISODES: usize = 12;
 pub(super) fn write(folder: &Path) -> Result<String> {
     let drivers = [Driver::planner(Planner::GoalSeeker), Driver::planner(Planner::GoalSeeker)];
     let protocol = Protocol::new(ArenaConfig::default(), Pools::default())?;
-    let wish = Wish { wanted: Wanted::Any, episodes: EPISODES, search: 0 };
-    let page = record(&protocol, &drivers, &[CrowdKind::Sf, CrowdKind::Vo], wish)?;
+    let page = record(&protocol, &drivers, &[CrowdKind::Sf, CrowdKind::Vo], &Wish::first(EPISODES))?.page;
     Ok(format!("file://{}", write_page(&page, &folder.join("replay"))?.display()))
 }
 
