@@ -73,7 +73,7 @@ def write_policy(
         "network": json.dumps(network),
         "sim": json.dumps(room),
         "config_hash": hashlib.sha256(json.dumps([network, room]).encode()).hexdigest(),
-        "commit": "not trained by jostle",
+        "commit": "imported",
         "n_agents": str(n_agents),
         **dict.fromkeys(["seed", "update", "transitions", "n_rooms"], "0"),
     }

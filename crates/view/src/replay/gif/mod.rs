@@ -130,12 +130,9 @@ fn difference(shown: &[u8], next: &[u8], width: u16, height: u16) -> Frame<'stat
     let (top, bottom) = rows.unwrap_or((0, 0));
     let left = changed().map(|at| at % wide).min().unwrap_or(0);
     let right = changed().map(|at| at % wide).max().unwrap_or(0);
-    let mut buffer = Vec::with_capacity((bottom + 1 - top) * (right + 1 - left));
-    for row in top..=bottom {
-        for at in row * wide + left..=row * wide + right {
-            buffer.push(if is_new(at) { next[at] } else { TRANSPARENT });
-        }
-    }
+    let pixel = |at: usize| if is_new(at) { next[at] } else { TRANSPARENT };
+    let rectangle = (top..=bottom).flat_map(|row| row * wide + left..=row * wide + right);
+    let buffer = rectangle.map(pixel).collect();
     debug_assert!(bottom < usize::from(height));
     Frame {
         dispose: DisposalMethod::Keep,
