@@ -115,8 +115,9 @@ const STEPS: [Step; 5] = [
 
 /// Features that other workspaces may leave out of the published crates: each feature of `jostle-sim` without the others, and none. The rest of
 /// the steps build the default ones, and `learned` of `jostle-peds`.
-const FEATURE_SETS: [&[&str]; 4] = [
+const FEATURE_SETS: [&[&str]; 5] = [
     &["-p", "jostle-sim", "-p", "jostle-peds"],
+    &["-p", "jostle-sim", "--features", "dynamics"],
     &["-p", "jostle-sim", "--features", "toml"],
     &["-p", "jostle-sim", "--features", "yaml"],
     &["-p", "jostle-sim", "--features", "png"],

@@ -13,6 +13,10 @@ use crate::scene::SceneConfig;
 /// ([`jostle_sim::Scenario::boundary`]), whatever pieces a map has.
 pub const MAP_VERSION: u32 = 2;
 
+/// Part of the hashes of settings in which the robot has mass, to be raised whenever such an episode may end differently for the same
+/// settings.
+pub const DYNAMICS_VERSION: u32 = 1;
+
 /// When a pedestrian counts as crashed and is re-spawned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -118,11 +122,16 @@ impl ArenaConfig {
     }
 
     /// SHA-256 of everything that decides a result and has no field of its own in a cell's key. Of a map that is its content,
-    /// by its hash ([`jostle_sim::maps::sha256`]), and [`MAP_VERSION`]; where it lies is another on each machine.
+    /// by its hash ([`jostle_sim::maps::sha256`]), and [`MAP_VERSION`]; where it lies is another on each machine. Of a robot that has mass
+    /// it is also [`DYNAMICS_VERSION`].
     pub fn settings_hash(&self, map_sha256: Option<&str>) -> String {
         let mut decisive = Self { lock_step: 1, n_agents: 1, seed: 0, ..self.clone() };
         decisive.sim.room.map = map_sha256.map(|hash| format!("{hash}-{MAP_VERSION}").into());
-        hex_sha256(&serde_json::to_vec(&decisive).expect("plain settings are always JSON"))
+        let mut bytes = serde_json::to_vec(&decisive).expect("plain settings are always JSON");
+        if !self.sim.robot.dynamics.is_kinematic() {
+            bytes.extend(format!("dynamics {DYNAMICS_VERSION}").bytes());
+        }
+        hex_sha256(&bytes)
     }
 }
 

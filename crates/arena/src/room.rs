@@ -3,6 +3,8 @@
 //! Reading order: [`ArenaRoom::new`] (spawn), [`ArenaRoom::step`] (a control period, in the order of its calls); `live` (a
 //! room that someone changes while it runs).
 //!
+//! The robot may have mass (`sim.robot.dynamics`); pedestrians walk as they will, as people do.
+//!
 //! Every draw comes from a stream named by its purpose and by the episode's index, so that episode k starts the same in
 //! every crowd, for every policy and at any lock step. What pedestrians draw later (goals, re-spawns) has a stream for
 //! each pedestrian.
@@ -222,6 +224,9 @@ impl ArenaRoom {
                 goals.push(goal);
             }
         }
+        if let Some(base) = sim.robot.dynamic_base() {
+            world.set_base(ROBOT, &base)?;
+        }
         let pedestrian = |body: usize| {
             let Pose { position, heading } = world.pose(body);
             Pedestrian { position, velocity: Vec2::ZERO, heading, goal: goals[body] }
@@ -285,7 +290,8 @@ impl ArenaRoom {
         self.summaries[ROBOT].min_range
     }
 
-    /// Linear and angular velocity that the robot executed in the last step; 0 before the first and where it was stopped.
+    /// Linear and angular velocity that the robot executed in the last step; 0 before the first and where it was stopped. Of a robot
+    /// that has mass, what it moves with at the step's end.
     pub fn robot_velocity(&self) -> [f32; 2] {
         self.velocity
     }
@@ -424,7 +430,8 @@ impl ArenaRoom {
             (1..self.motions.len()).map(|body| self.world.pose(body).direction()).collect();
         self.world.advance_to_stops(&self.motions, dt, &mut self.stops);
         self.steps += 1;
-        self.velocity = if self.stops[ROBOT].is_some() { [0.0; 2] } else { executed };
+        let commanded = if self.stops[ROBOT].is_some() { [0.0; 2] } else { executed };
+        self.velocity = self.world.measured(ROBOT).unwrap_or(commanded);
         // Not the distance of the positions: in f32 their rounding adds up to 1e-5 m over an episode, and the way would
         // exceed what the speed allows.
         self.path_length += f64::from(self.velocity[0].abs()) * plan.scale.dt;

@@ -92,7 +92,7 @@ impl PeerWork {
                 })
             }
             Self::Simulator { rooms } => {
-                let mut stepping = Stepping::new(Scene { n_agents: 5, polygons: false }, rooms)?;
+                let mut stepping = Stepping::new(Scene::empty(5), rooms)?;
                 let steps = 1 + 200 / rooms;
                 stepping.step();
                 Box::new(move || {

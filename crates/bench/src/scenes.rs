@@ -3,7 +3,9 @@
 use std::path::Path;
 
 use glam::Vec2;
-use jostle_sim::{Laser, Motion, Pose, Rooms, Sensor, Shape, SimConfig, StreamRng, Streams, World, maps};
+use jostle_sim::{
+    Dynamics, Laser, Motion, Pose, Rooms, Sensor, Shape, SimConfig, StreamRng, Streams, World, maps,
+};
 
 use crate::error::BenchError;
 
@@ -14,20 +16,29 @@ pub struct Scene {
     pub n_agents: usize,
     /// Fifty convex polygons in a square of 40 m, instead of an empty square of 20 m.
     pub polygons: bool,
+    /// Robots that have mass, moved by rapier.
+    pub mass: bool,
 }
 
 /// The scenes that are measured, each with its name.
-pub const SCENES: [(&str, Scene); 3] = [
-    ("N = 5", Scene { n_agents: 5, polygons: false }),
-    ("N = 20", Scene { n_agents: 20, polygons: false }),
-    ("N = 5 and 50 polygons", Scene { n_agents: 5, polygons: true }),
+pub const SCENES: [(&str, Scene); 4] = [
+    ("N = 5", Scene::empty(5)),
+    ("N = 20", Scene::empty(20)),
+    ("N = 5 and 50 polygons", Scene { polygons: true, ..Scene::empty(5) }),
+    ("N = 5 with mass", Scene { mass: true, ..Scene::empty(5) }),
 ];
 
 impl Scene {
+    /// So many robots without mass in the empty square.
+    pub const fn empty(n_agents: usize) -> Self {
+        Self { n_agents, polygons: false, mass: false }
+    }
+
     fn config(self) -> SimConfig {
         let mut config = SimConfig::default();
         let map = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/fifty_polygons.toml");
         config.room.map = self.polygons.then_some(map);
+        config.robot.dynamics = if self.mass { Dynamics::Rapier } else { Dynamics::Kinematic };
         config
     }
 }
@@ -86,6 +97,9 @@ impl Parts {
             let position = Vec2::new((agent % 5) as f32 * 3.6 - 7.4, (agent / 5) as f32 * 3.5 - 5.2);
             let shape = Shape::Box { length: config.robot.length, width: config.robot.width };
             world.add_body(&shape, Pose::new(position, agent as f32))?;
+            if let Some(base) = config.robot.dynamic_base() {
+                world.set_base(agent, &base)?;
+            }
         }
         let motion =
             |agent: usize| Motion::Drive { v: 0.5, w: if agent.is_multiple_of(2) { 0.6 } else { -0.6 } };

@@ -14,6 +14,7 @@ use jostle_peds::CrowdKind;
 use jostle_sim::SimConfig;
 
 use crate::suite::{self, Asked};
+use jostle_runs::changed::changed;
 use jostle_runs::maps;
 use jostle_runs::output;
 use jostle_runs::policies;
@@ -28,7 +29,8 @@ use jostle_study::cell::Cell;
     cargo xtask evaluate dwa --crowds VO,SF\n  \
     cargo xtask evaluate runs/ours/checkpoints/002500.safetensors --crowds SF --token 3\n  \
     cargo xtask evaluate runs/ours --crowds straight,stop-and-go,cross-play --pool runs/seed2 runs/seed3\n  \
-    cargo xtask evaluate runs/ours --suite standard --crowds VO,SF --episodes 200")]
+    cargo xtask evaluate runs/ours --suite standard --crowds VO,SF --episodes 200\n  \
+    cargo xtask evaluate runs/ours --crowds VO,SF --set sim.robot.dynamics=rapier --out results/rapier")]
 pub struct EvaluateArgs {
     /// Checkpoint file, run folder for its newest checkpoint, or a planner that was not learned: straight, brake,
     /// goal-seeker, dwa, orca, social-force.
@@ -55,6 +57,9 @@ pub struct EvaluateArgs {
     /// Agents in a room, the robot among them (default: as in training, for a planner 5).
     #[arg(long, value_name = "N", conflicts_with = "suite")]
     agents: Option<usize>,
+    /// Change a key of the room that the policy was trained in, such as `sim.robot.dynamics=rapier`; may be repeated.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    changes: Vec<String>,
     /// Seed of starts, goals and noise.
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -116,8 +121,11 @@ pub(crate) fn evaluate(args: &EvaluateArgs) -> Result<Evaluation> {
         cells.push(run.result);
     }
     let n_agents = protocol.config().n_agents;
-    let evaluation =
-        Evaluation { policy: driver.identity(), token: args.token, n_agents, cells, remark: driver.remark() };
+    let changes = args.changes.join(", ");
+    let room = (!changes.is_empty()).then(|| format!("Changed in the room: {changes}."));
+    let remarks: Vec<String> = driver.remark().into_iter().chain(room).collect();
+    let remark = (!remarks.is_empty()).then(|| remarks.join(" "));
+    let evaluation = Evaluation { policy: driver.identity(), token: args.token, n_agents, cells, remark };
     store(args, &evaluation, &timings)?;
     Ok(evaluation)
 }
@@ -146,7 +154,7 @@ impl EvaluateArgs {
     /// The episodes for a policy that was trained in rooms like `sim` with so many agents.
     fn protocol(&self, sim: SimConfig, trained_with: usize, crowds: &[CrowdKind]) -> Result<Protocol> {
         let config = ArenaConfig {
-            sim,
+            sim: changed(sim, &self.changes)?,
             n_agents: self.agents.unwrap_or(trained_with),
             seed: self.seed,
             ..ArenaConfig::default()

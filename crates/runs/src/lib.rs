@@ -1,7 +1,7 @@
 //! Training runs on disk, and what every command tells its user.
 //!
 //! Reading order: [`folder`] (what `train` makes), [`run_folder`] (a folder that one process works in), [`ndjson`] (its log),
-//! [`log`] and [`pace`] (a run as its readers see it), [`policies`] (the policies that a path means), [`shipped`] (files that come with the program), [`keys`] (a configuration's keys);
+//! [`log`] and [`pace`] (a run as its readers see it), [`policies`] (the policies that a path means), [`shipped`] (files that come with the program), [`keys`] (a configuration's keys), [`changed`] (a room with some of them changed);
 //! [`provenance`] (which source made a result), [`stop`] (signals), [`output`] and [`progress`] (what is printed), [`maps`], [`threads`],
 //! [`tools`].
 //!
@@ -10,6 +10,7 @@
 
 #![forbid(unsafe_code)]
 
+pub mod changed;
 pub mod error;
 pub mod folder;
 pub mod keys;

@@ -107,18 +107,145 @@ pub struct RobotConfig {
     /// velocity mode).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub acceleration: Option<AccelerationLimits>,
+    /// Switch: what moves the body. `kinematic`: Stage's velocity mode. `rapier`: motors and wheels
+    /// push a body that has mass, and rapier solves its contacts. Default `kinematic` (paper).
+    #[serde(skip_serializing_if = "Dynamics::is_kinematic")]
+    #[cfg_attr(feature = "schema", schemars(extend("default" = "kinematic", "origin" = "paper")))]
+    pub dynamics: Dynamics,
+    /// Switch: masses, wheels and motors for `dynamics = "rapier"`. Absent: a Jackal's.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub base: Option<BaseConfig>,
 }
 
 impl Default for RobotConfig {
     fn default() -> Self {
-        Self { length: 0.5, width: 0.5, v_max: 1.0, w_max: 1.0, acceleration: None }
+        Self {
+            length: 0.5,
+            width: 0.5,
+            v_max: 1.0,
+            w_max: 1.0,
+            acceleration: None,
+            dynamics: Dynamics::Kinematic,
+            base: None,
+        }
     }
 }
 
 impl RobotConfig {
+    /// A Clearpath Jackal: its body (data sheet), the limits that its controller sets
+    /// (`jackal_control/config/control.yaml` of <https://github.com/jackal/jackal>), and its base.
+    pub fn jackal() -> Self {
+        Self {
+            length: 0.508,
+            width: 0.430,
+            v_max: 2.0,
+            w_max: 4.0,
+            acceleration: Some(AccelerationLimits { v: 20.0, w: 25.0 }),
+            dynamics: Dynamics::Rapier,
+            base: None,
+        }
+    }
+
+    /// The base that moves the body, if one does.
+    pub fn dynamic_base(&self) -> Option<BaseConfig> {
+        (!self.dynamics.is_kinematic()).then(|| self.base.clone().unwrap_or_default())
+    }
+
     /// Distance from the body's centre to its corners, m.
     pub fn circumradius(&self) -> f32 {
         Shape::Box { length: self.length, width: self.width }.circumradius()
+    }
+}
+
+/// What moves a robot.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "lowercase")]
+pub enum Dynamics {
+    /// A command is the velocity at once; a body that would touch something stays where it is.
+    #[default]
+    Kinematic,
+    /// A command goes to motors; rapier moves the body. Needs the feature `dynamics`.
+    Rapier,
+}
+
+/// The expected value where rapier's solver is not part of the build.
+pub(crate) const WITHOUT_DYNAMICS: &str = "kinematic, or a build with the feature `dynamics`";
+
+impl Dynamics {
+    /// True for the default, which is left out of stored configurations.
+    #[allow(clippy::trivially_copy_pass_by_ref, reason = "serde hands over a reference")]
+    pub fn is_kinematic(&self) -> bool {
+        *self == Self::Kinematic
+    }
+}
+
+/// A skid-steered base with mass: four wheels, those of one side turned by one motor.
+///
+/// The defaults are a Clearpath Jackal's. URDF: `jackal_description/urdf/jackal.urdf.xacro` of
+/// <https://github.com/jackal/jackal>; control: `jackal_control/config/control.yaml` there; data
+/// sheet: 500 W of drive power, 2 m/s.
+///
+/// # Examples
+///
+/// ```
+/// use jostle_sim::RobotConfig;
+/// assert_eq!(RobotConfig::jackal().dynamic_base().map(|base| base.mass), Some(18.431));
+/// ```
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields, default)]
+pub struct BaseConfig {
+    /// Mass with wheels, kg. Default 18.431 (URDF: 16.523 and four of 0.477).
+    #[cfg_attr(feature = "schema", schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 10000.0, "unit" = "kg")))]
+    pub mass: f32,
+    /// Moment of inertia about the vertical through the centre, with wheels, kg·m². Default 0.5537
+    /// (URDF: 0.4485 and the wheels where they are).
+    #[cfg_attr(feature = "schema", schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 10000.0, "unit" = "kg·m²")))]
+    pub inertia: f32,
+    /// Distance between front and rear wheels, m. Default 0.262 (URDF).
+    #[cfg_attr(feature = "schema", schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 100.0, "unit" = "m")))]
+    pub wheelbase: f32,
+    /// Distance between left and right wheels, m. Default 0.37559 (URDF).
+    #[cfg_attr(feature = "schema", schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 100.0, "unit" = "m")))]
+    pub track: f32,
+    /// Radius of a wheel, m. Default 0.098 (URDF).
+    #[cfg_attr(feature = "schema", schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 10.0, "unit" = "m")))]
+    pub wheel_radius: f32,
+    /// Friction of wheels on the ground, and of the body along what it touches. Default 0.5 (URDF).
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 10.0)))]
+    pub friction: f32,
+    /// Largest torque of a wheel at rest, N·m; it falls in a straight line to none at `motor_speed`.
+    /// Default 24.5 (data sheet: such a motor's most power, a quarter of torque times speed, is 125 W
+    /// a wheel).
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 1000000.0, "unit" = "N·m")))]
+    pub motor_torque: f32,
+    /// Turning speed of a wheel that nothing holds, rad/s. Default 20.41 (data sheet: 2 m/s).
+    #[cfg_attr(feature = "schema", schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 1000000.0, "unit" = "rad/s")))]
+    pub motor_speed: f32,
+    /// The wheels' speeds are set as if the track were so many times as wide, because wheels slide
+    /// while a base turns. Default 1.5 (control).
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 10.0)))]
+    pub turn_gain: f32,
+    /// Time from a command until the motors heed it, s. Default 0.02 (control: one period at 50 Hz).
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 10.0, "unit" = "s")))]
+    pub latency: f32,
+}
+
+impl Default for BaseConfig {
+    fn default() -> Self {
+        Self {
+            mass: 18.431,
+            inertia: 0.5537,
+            wheelbase: 0.262,
+            track: 0.37559,
+            wheel_radius: 0.098,
+            friction: 0.5,
+            motor_torque: 24.5,
+            motor_speed: 20.41,
+            turn_gain: 1.5,
+            latency: 0.02,
+        }
     }
 }
 

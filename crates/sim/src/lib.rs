@@ -10,9 +10,10 @@
 //!
 //! # Features
 //!
-//! All are on by default, and each is for a kind of map file: `toml` (polygon maps), `yaml` (ROS
-//! occupancy grids) and `png` (their images; PGM and PPM need no feature). Polygon maps as JSON are
-//! always read.
+//! All are on by default. `dynamics` lets rapier's solver move robots that have mass
+//! ([`Dynamics::Rapier`]). Each of the others is for a kind of map file: `toml` (polygon maps),
+//! `yaml` (ROS occupancy grids) and `png` (their images; PGM and PPM need no feature). Polygon maps
+//! as JSON are always read.
 //!
 //! # Examples
 //!
@@ -46,6 +47,7 @@ mod config;
 mod crash;
 #[cfg(test)]
 mod crowd_tests;
+mod dynamics;
 mod episode;
 mod error;
 mod free_space;
@@ -74,10 +76,12 @@ pub use rand;
 
 pub use boundary::outline;
 pub use config::{
-    AccelerationLimits, EXTRAS, EpisodeConfig, FRAMES, LaserConfig, LaserKernel, NamingFolder,
-    OBSERVATION_LEN, RewardConfig, RobotConfig, RoomConfig, SafetyZoneConfig, SimConfig, SpawnConfig,
+    AccelerationLimits, BaseConfig, Dynamics, EXTRAS, EpisodeConfig, FRAMES, LaserConfig, LaserKernel,
+    NamingFolder, OBSERVATION_LEN, RewardConfig, RobotConfig, RoomConfig, SafetyZoneConfig, SimConfig,
+    SpawnConfig,
 };
 pub use crash::{CrashRule, crash};
+pub use dynamics::DriveState;
 pub use episode::{EpisodeSummary, Outcome, StepEnd, Transition};
 pub use error::SimError;
 pub use geometry::{Pose, Shape};

@@ -111,8 +111,11 @@ impl Room {
             token: streams.stream("token", &[room, agent]),
             crowd: streams.stream("training_crowd", &[room, agent]),
         };
-        for _ in 0..n_agents {
+        for agent in 0..n_agents {
             world.add_body(&body, Pose::default())?;
+            if let Some(base) = config.robot.dynamic_base() {
+                world.set_base(agent, &base)?;
+            }
         }
         Ok(Self {
             config: Arc::clone(config),
@@ -214,6 +217,10 @@ impl Room {
         for agent in 0..old.n_bodies() {
             let copied = self.world.add_body(old.shape(agent), old.pose(agent));
             copied.expect("a body of the one world is a body of the other");
+            if let (Some(base), Some(state)) = (self.config.robot.dynamic_base(), old.drive_state(agent)) {
+                self.world.set_base(agent, &base).expect("the base was checked with the configuration");
+                self.world.set_drive_state(agent, state.clone());
+            }
         }
         self.spawner = spawner;
     }
@@ -258,14 +265,17 @@ impl Room {
             self.motions[agent] = if self.absent[agent] { Motion::Still } else { Motion::Drive { v, w } };
         }
         self.world.advance_to_stops(&self.motions, dt, &mut self.stops);
-        for ((episode, traits), stop) in self.episodes.iter_mut().zip(&mut self.traits).zip(&self.stops) {
+        for (agent, ((episode, traits), stop)) in
+            self.episodes.iter_mut().zip(&mut self.traits).zip(&self.stops).enumerate()
+        {
             traits.count_stall(stop.is_some());
-            let [v, _] = episode.velocity;
-            if stop.is_some() {
+            if let Some(measured) = self.world.measured(agent) {
+                episode.velocity = measured;
+            } else if stop.is_some() {
                 episode.velocity = [0.0, 0.0];
-            } else {
-                episode.path_length += f64::from(v.abs() * dt);
             }
+            let [v, _] = episode.velocity;
+            episode.path_length += f64::from(v.abs() * dt);
         }
     }
 

@@ -1,8 +1,9 @@
 //! The whole state of [`Rooms`] as plain numbers: what a checkpoint keeps.
 //!
-//! Poses, episodes, tokens, observation rows (they hold the scans of the past) and the position of
-//! every random stream. Nothing else has a memory, so a restored batch goes on bit for bit.
+//! Poses, with the velocities and commands of robots that have mass, episodes, tokens, observation
+//! rows (they hold the scans of the past) and the position of every random stream. Nothing else has a memory, so a restored batch goes on bit for bit.
 
+use crate::dynamics::DriveState;
 use crate::error::SimError;
 use crate::geometry::Pose;
 use crate::renewal::{Renewal, RenewalState};
@@ -31,7 +32,7 @@ pub struct RoomsState {
 }
 
 /// One agent's part of a snapshot.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct AgentState {
     pose: Pose,
@@ -43,6 +44,9 @@ struct AgentState {
     /// Only where there is a training crowd.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     crowd: Option<MemberState>,
+    /// Only where rapier moves the robots.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    drive: Option<DriveState>,
 }
 
 /// The part of an agent's state that only a training crowd has.
@@ -70,6 +74,7 @@ impl Rooms {
                     traits: room.traits[a],
                     position: streams.crowd.get_word_pos() as u64,
                 }),
+                drive: room.world.drive_state(a).cloned(),
             }
         };
         RoomsState {
@@ -107,6 +112,9 @@ impl Rooms {
             let indices = [r as u64, a as u64];
             let room = &mut self.rooms[r];
             room.world.set_pose(a, saved.pose);
+            if let Some(drive) = &saved.drive {
+                room.world.set_drive_state(a, drive.clone());
+            }
             room.episodes[a] = saved.episode;
             let agent = &mut room.agents[a];
             agent.observer.seek_noise(saved.noise_position);
@@ -180,6 +188,8 @@ impl Rooms {
                 && e.reward_sum.is_finite()
                 && e.steps < u32::MAX
                 && a.token < self.n_behaviours
+                && a.drive.is_some() != self.config.robot.dynamics.is_kinematic()
+                && a.drive.as_ref().is_none_or(DriveState::is_finite)
                 && a.crowd.is_none_or(|MemberState { traits, .. }| {
                     (0.0..=100.0).contains(&traits.speed) && (0.1..=10.0).contains(&traits.size)
                 })

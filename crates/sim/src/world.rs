@@ -1,5 +1,6 @@
 //! The world: a rapier scene of walls, obstacles and kinematic bodies, moved the way Stage moves
-//! its models.
+//! its models; bodies with a base ([`World::set_base`]) are moved by rapier's solver instead
+//! (`dynamics`).
 //!
 //! One body after the other takes its Euler step; if it would then touch a body, a wall or an
 //! obstacle, its whole pose is restored and it is stalled. None of rapier's ready body types does
@@ -7,10 +8,13 @@
 //! pass through. So rapier keeps the scene (position-based kinematic bodies with colliders) and
 //! parry decides on overlaps, but no velocity solver runs.
 //!
-//! Architecture invariant: the poses are the whole physical state. Nothing here has a memory of the
-//! past (no contact cache, no sleeping islands), so a world that is given the same poses behaves
-//! the same to the last bit. The world knows no goal, no episode and no reward.
+//! Architecture invariant: the poses, and where there are bases their [`DriveState`]s, are the whole
+//! physical state. Nothing here has a memory of the past (no contact cache, no sleeping islands), so
+//! a world that is given the same state behaves the same to the last bit. The world knows no goal,
+//! no episode and no reward.
 
+use crate::config::BaseConfig;
+use crate::dynamics::{Drive, DriveState};
 use crate::error::SimError;
 use crate::geometry::{Pose, Shape};
 use crate::motion::Motion;
@@ -31,6 +35,8 @@ pub struct World {
     bodies: Vec<Solid>,
     obstacles: Vec<Solid>,
     walls: Option<Walls>,
+    /// For each body its base; empty where no body has one.
+    drives: Vec<Option<Drive>>,
 }
 
 /// The thing that stopped a body's move.
@@ -155,7 +161,8 @@ impl World {
         Ok(())
     }
 
-    /// Puts a body anywhere, even onto another: for spawning and restoring.
+    /// Puts a body anywhere, even onto another: for spawning and restoring. One with a base stands
+    /// still there, and no command is under way.
     ///
     /// # Panics
     ///
@@ -164,6 +171,67 @@ impl World {
         assert!(pose.is_finite(), "pose of body {body}: found {pose:?}, expected finite numbers");
         self.bodies[body].place(pose);
         self.publish(body);
+        if let Some(drive) = self.drive_mut(body) {
+            drive.state = DriveState::default();
+        }
+    }
+
+    /// Puts a body on a base: from now on its [`Motion::Drive`] is a command to motors, and rapier
+    /// moves it. It stands still. [`Motion::Still`] leaves it where it is, whatever its velocity.
+    ///
+    /// # Errors
+    ///
+    /// When the base is refused by [`BaseConfig::validate`], or rapier's solver is not part of this
+    /// build.
+    pub fn set_base(&mut self, body: usize, base: &BaseConfig) -> Result<(), SimError> {
+        base.validate()?;
+        if cfg!(not(feature = "dynamics")) {
+            return Err(SimError::field("robot.dynamics", "rapier", crate::config::WITHOUT_DYNAMICS));
+        }
+        self.drives.resize(self.bodies.len(), None);
+        self.drives[body] = Some(Drive::new(base.clone()));
+        Ok(())
+    }
+
+    /// Velocity along the heading, m/s, and turn rate, rad/s, of a body with a base, as its odometry
+    /// measures them; `None` for any other body, which has what it was commanded.
+    pub fn measured(&self, body: usize) -> Option<[f32; 2]> {
+        self.drive(body).map(|drive| drive.measured(self.pose(body)))
+    }
+
+    /// What a body's base keeps from one control period to the next; `None` without a base.
+    pub fn drive_state(&self, body: usize) -> Option<&DriveState> {
+        self.drive(body).map(|drive| &drive.state)
+    }
+
+    /// Gives a base a state, to be called after [`World::set_pose`]; a body without a base has none.
+    ///
+    /// # Panics
+    ///
+    /// When a number is not finite.
+    pub fn set_drive_state(&mut self, body: usize, state: DriveState) {
+        assert!(state.is_finite(), "base of body {body}: found {state:?}, expected finite numbers");
+        if let Some(drive) = self.drive_mut(body) {
+            drive.state = state;
+        }
+    }
+
+    pub(crate) fn drive(&self, body: usize) -> Option<&Drive> {
+        self.drives.get(body)?.as_ref()
+    }
+
+    pub(crate) fn drive_mut(&mut self, body: usize) -> Option<&mut Drive> {
+        self.drives.get_mut(body)?.as_mut()
+    }
+
+    /// Where a base got to in a control period.
+    #[cfg(feature = "dynamics")]
+    pub(crate) fn move_base(&mut self, body: usize, pose: Pose, velocity: Vec2, turn: f32) {
+        self.bodies[body].place(pose);
+        self.publish(body);
+        if let Some(drive) = self.drive_mut(body) {
+            (drive.state.velocity, drive.state.turn) = (velocity, turn);
+        }
     }
 
     /// Moves every body for `dt`, in index order, and notes in `stalled` which of them had to stay
@@ -174,14 +242,25 @@ impl World {
     /// anything. A body that already overlaps something before its move (it was put there) stalls
     /// until it is put elsewhere or turns free in one step.
     ///
+    /// Bodies with a base move after the others, all at the same time, and count as stalled if they
+    /// touched something.
+    ///
     /// # Panics
     ///
     /// When `motions` or `stalled` does not have one entry per body.
     pub fn advance(&mut self, motions: &[Motion], dt: f32, stalled: &mut [bool]) {
         assert_eq!(motions.len(), self.bodies.len(), "one motion per body");
         assert_eq!(stalled.len(), self.bodies.len(), "one stall flag per body");
-        for (body, (motion, stalled)) in motions.iter().zip(stalled).enumerate() {
-            *stalled = self.try_move(body, *motion, dt).is_some();
+        if self.drives.is_empty() {
+            for (body, (motion, stalled)) in motions.iter().zip(stalled).enumerate() {
+                *stalled = self.try_move(body, *motion, dt).is_some();
+            }
+            return;
+        }
+        let mut stops = vec![None; stalled.len()];
+        self.advance_to_stops(motions, dt, &mut stops);
+        for (stalled, stop) in stalled.iter_mut().zip(stops) {
+            *stalled = stop.is_some();
         }
     }
 
@@ -194,8 +273,20 @@ impl World {
     pub fn advance_to_stops(&mut self, motions: &[Motion], dt: f32, stops: &mut [Option<Stop>]) {
         assert_eq!(motions.len(), self.bodies.len(), "one motion per body");
         assert_eq!(stops.len(), self.bodies.len(), "one stop per body");
-        for (body, (motion, stop)) in motions.iter().zip(stops).enumerate() {
-            *stop = self.try_move(body, *motion, dt);
+        let before: Vec<Pose> = if self.drives.is_empty() {
+            Vec::new()
+        } else {
+            self.bodies.iter().map(|solid| solid.pose).collect()
+        };
+        for (body, (motion, stop)) in motions.iter().zip(&mut *stops).enumerate() {
+            let motion = if self.drive(body).is_some() { Motion::Still } else { *motion };
+            *stop = self.try_move(body, motion, dt);
+        }
+        #[cfg(not(feature = "dynamics"))]
+        debug_assert!(before.is_empty(), "no body has a base");
+        #[cfg(feature = "dynamics")]
+        if !before.is_empty() {
+            crate::dynamics::advance(self, motions, dt, &before, stops);
         }
     }
 

@@ -12,8 +12,8 @@ use super::machine::Conditions;
 use super::table::count;
 use jostle_runs::output;
 
-/// Agent-steps per second and core that are asked for, scene by scene.
-const ASKED: [f64; SCENES.len()] = [150_000.0, 100_000.0, 60_000.0];
+/// Agent-steps per second and core that are asked for, scene by scene; `None` where nothing is.
+const ASKED: [Option<f64>; SCENES.len()] = [Some(150_000.0), Some(100_000.0), Some(60_000.0), None];
 /// Rooms side by side.
 const ROOMS: usize = 16;
 
@@ -61,7 +61,7 @@ pub(super) fn run(args: &SimulatorArgs) -> Result<()> {
                     count(rate),
                     format!("{}–{}", count(least), count(most)),
                     count(rate / threads as f64),
-                    count(asked),
+                    asked.map_or_else(|| "–".to_owned(), count),
                 ],
             );
         }

@@ -1,7 +1,9 @@
 //! Validation of a [`SimConfig`]: the first field out of range is named with what was found and
 //! expected.
 
-use super::{LaserConfig, RewardConfig, SafetyZoneConfig, SimConfig, SpawnConfig};
+use super::{
+    BaseConfig, LaserConfig, RewardConfig, SafetyZoneConfig, SimConfig, SpawnConfig, WITHOUT_DYNAMICS,
+};
 use crate::error::SimError;
 
 /// Most beams a laser may have; the culling's angles are good to a quarter of the spacing at this
@@ -49,6 +51,12 @@ impl SimConfig {
             positive("robot.acceleration.v", limits.v, 1e6)?;
             positive("robot.acceleration.w", limits.w, 1e6)?;
         }
+        if cfg!(not(feature = "dynamics")) && !self.robot.dynamics.is_kinematic() {
+            return Err(SimError::field("robot.dynamics", "rapier", WITHOUT_DYNAMICS));
+        }
+        if let Some(base) = &self.robot.base {
+            base.validate()?;
+        }
         self.laser.validate()?;
         positive("episode.goal_radius", self.episode.goal_radius, 100.0)?;
         within("episode.crash_range", self.episode.crash_range, 0.0, self.laser.range)?;
@@ -74,6 +82,26 @@ impl SimConfig {
             "the body's circumradius, so that no start touches a wall"
         };
         Err(SimError::field("spawn.wall_clearance", found, format!("at least {least} m, {why}")))
+    }
+}
+
+impl BaseConfig {
+    /// Checks every field.
+    ///
+    /// # Errors
+    ///
+    /// [`SimError::OutOfRange`] for the first field that is out of range.
+    pub fn validate(&self) -> Result<(), SimError> {
+        positive("robot.base.mass", self.mass, 1e4)?;
+        positive("robot.base.inertia", self.inertia, 1e4)?;
+        positive("robot.base.wheelbase", self.wheelbase, 100.0)?;
+        positive("robot.base.track", self.track, 100.0)?;
+        positive("robot.base.wheel_radius", self.wheel_radius, 10.0)?;
+        within("robot.base.friction", self.friction, 0.0, 10.0)?;
+        within("robot.base.motor_torque", self.motor_torque, 0.0, 1e6)?;
+        positive("robot.base.motor_speed", self.motor_speed, 1e6)?;
+        within("robot.base.turn_gain", self.turn_gain, 0.0, 10.0)?;
+        within("robot.base.latency", self.latency, 0.0, 10.0)
     }
 }
 
@@ -148,6 +176,7 @@ impl SafetyZoneConfig {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::{Dynamics, RobotConfig};
 
     #[track_caller]
     fn check(toml: &str, expected: &str) {
@@ -225,6 +254,22 @@ mod tests {
         let text = serde_json::to_string(&sector).expect("JSON");
         assert!(text.contains(r#""fov":3.0,"angle_min":-1.5"#), "{text}");
         assert_eq!(serde_json::from_str::<LaserConfig>(&text).expect("JSON"), sector);
+    }
+
+    #[test]
+    fn a_kinematic_robot_is_stored_as_before_there_were_bases() {
+        let before = r#"{"length":0.5,"width":0.5,"v_max":1.0,"w_max":1.0}"#;
+        let robot: RobotConfig = serde_json::from_str(before).expect("JSON");
+        assert_eq!(robot, RobotConfig::default());
+        assert_eq!(serde_json::to_string(&robot).expect("JSON"), before);
+        let moved = RobotConfig { dynamics: Dynamics::Rapier, base: Some(BaseConfig::default()), ..robot };
+        let text = serde_json::to_string(&moved).expect("JSON");
+        assert!(text.contains(r#""dynamics":"rapier","base":{"mass":18.431,"#), "{text}");
+        assert_eq!(serde_json::from_str::<RobotConfig>(&text).expect("JSON"), moved);
+        check(
+            "[robot]\ndynamics = \"rapier\"\nbase = { mass = 0.0 }",
+            "robot.base.mass: found 0, expected a number in (0, 10000]",
+        );
     }
 
     #[test]

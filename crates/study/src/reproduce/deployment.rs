@@ -7,7 +7,7 @@ use jostle_arena::crowds::Pools;
 use jostle_eval::compact::CompactEpisode;
 use jostle_eval::protocol::Protocol;
 use jostle_peds::CrowdKind;
-use jostle_sim::{AccelerationLimits, SimConfig};
+use jostle_sim::{AccelerationLimits, Dynamics, SimConfig};
 
 use super::cells::{Cells, Wanted};
 use super::evaluator::TOKEN;
@@ -26,10 +26,34 @@ pub(super) const NOTE: &str = "100 episodes a map and seed, as evenly as possibl
     maps (maps/warehouse.toml, maps/hospital.toml) and simulator stand for the paper's Gazebo worlds. The robot has a Jackal's \
     body and acceleration limits, which do not bind at 1 m/s; goals are at least 5 m away. The interval of one seed is Wilson's.";
 
+/// The maps' names where robots have mass.
+pub(super) const MAPS_WITH_MASS: [&str; 2] = ["warehouse, rapier", "hospital, rapier"];
+
+/// What has to be said of the table with mass.
+pub(super) const NOTE_WITH_MASS: &str = "The maps and episodes of Table 5. kinematic: as there; rapier: the same robot with a Jackal's mass, wheels, \
+    motors and latency (docs/how-to-dynamics.md). No policy was trained with them.";
+
 /// The episodes of a policy on each map.
 pub(super) fn run(cells: &mut Cells, found: &Found) -> Result<Vec<(String, Vec<CompactEpisode>)>> {
+    run_with(cells, found, Dynamics::Kinematic)
+}
+
+/// As [`run`], in a robot that moves so.
+pub(super) fn run_with(
+    cells: &mut Cells,
+    found: &Found,
+    dynamics: Dynamics,
+) -> Result<Vec<(String, Vec<CompactEpisode>)>> {
     let driver = Driver::Trained(Box::new(found.policy.clone()));
-    on_maps(cells, &driver, &found.policy.sim_config()?)
+    on_maps(cells, &driver, &found.policy.sim_config()?, dynamics)
+}
+
+/// The maps' names where robots move so.
+pub(super) fn sites(dynamics: Dynamics) -> [&'static str; 2] {
+    match dynamics {
+        Dynamics::Kinematic => MAPS,
+        Dynamics::Rapier => MAPS_WITH_MASS,
+    }
 }
 
 /// The episodes of a driver on each map, in its own world but for map and robot.
@@ -37,8 +61,12 @@ pub(super) fn on_maps(
     cells: &mut Cells,
     driver: &Driver,
     sim: &SimConfig,
+    dynamics: Dynamics,
 ) -> Result<Vec<(String, Vec<CompactEpisode>)>> {
-    MAPS.iter().map(|map| Ok(((*map).to_owned(), on_map(cells, driver, sim, map)?))).collect()
+    let mut sim = sim.clone();
+    sim.robot.dynamics = dynamics;
+    let maps = MAPS.iter().zip(sites(dynamics));
+    maps.map(|(map, site)| Ok((site.to_owned(), on_map(cells, driver, &sim, map)?))).collect()
 }
 
 fn on_map(cells: &mut Cells, driver: &Driver, sim: &SimConfig, map: &str) -> Result<Vec<CompactEpisode>> {

@@ -214,12 +214,13 @@ fn study(
     let policies = Policies::new(plan.clone(), &checkpoints, &args.runs, trained)?;
     let mut evaluator = RowEvaluator::new(policies, results, args.fresh, args.episodes)?;
     let is = |one: Target| target == one || target == Target::All;
-    let tables: [(Target, Table); 9] = [
+    let tables: [(Target, Table); 10] = [
         (Target::Table1, tables::table_1),
         (Target::Table2, tables::table_2),
         (Target::Table3, tables::table_3),
         (Target::Table4, tables::table_4),
         (Target::Table5, tables::table_5),
+        (Target::Table5, tables::table_dynamics),
         (Target::Strong, tables::table_strong),
         (Target::Beyond, beyond::tokens),
         (Target::Beyond, beyond::outcomes),

@@ -26,7 +26,8 @@ const OVERVIEW: &str = "overview";
 const NOTHING: &str = "*Not run yet.*\n";
 
 /// The pages with tables, the one with all of them first.
-const PAGES: [&str; 4] = ["docs/reproduction.md", "README.md", "docs/study.md", "docs/planners.md"];
+const PAGES: [&str; 5] =
+    ["docs/reproduction.md", "README.md", "docs/study.md", "docs/planners.md", "docs/how-to-dynamics.md"];
 
 /// Fills the pages from a folder of results.
 pub(super) fn fill_all(results: &Path) -> Result<()> {
@@ -112,6 +113,7 @@ mod tests {
                 "README.md" => &[OVERVIEW],
                 "docs/study.md" => &["study/summary"],
                 "docs/planners.md" => &["table1"],
+                "docs/how-to-dynamics.md" => &["dynamics"],
                 _ => &[
                     "table1", "table2", "table3", "table4", "table5", "claims", "tokens", "outcomes",
                     "driving",

@@ -10,6 +10,7 @@ use jostle_eval::compact::CompactEpisode;
 use jostle_eval::metrics::Summary;
 use jostle_eval::report::{PooledCell, PooledRow, PooledTable, SeedValue};
 use jostle_peds::CrowdKind;
+use jostle_sim::Dynamics;
 
 use super::deployment;
 use super::evaluator::{Evaluated, RowEvaluator};
@@ -22,6 +23,8 @@ const ROWS_2: [&str; 6] = ["m1", "m5", "n10-m1", "n10-m5", "n20-m1", "n20-m5"];
 const ROWS_3: [&str; 4] = ["m5", "state-action", "state", "m1"];
 const ROWS_4: [(&str, &str); 3] = [("Basic", "m1"), ("Safe", "safety-zone"), ("Ours", "m5")];
 const ROWS_5: [&str; 2] = ["m1", "m5"];
+/// Rows that are tested with mass, under the names of that table.
+const ROWS_WITH_MASS: [(&str, &str); 3] = [("M = 1", "m1"), ("M = 5", "m5"), (STRONG, STRONG)];
 /// The strong policy by the number of agents.
 pub(super) const ROWS_STRONG: [&str; 2] = ["strong", "strong-n10"];
 
@@ -242,7 +245,8 @@ pub(super) fn table_5(evaluator: &mut RowEvaluator) -> Result<PooledTable> {
     }
     for planner in Planner::IN_TABLES {
         let sim = evaluator.policies.sim();
-        let sites = deployment::on_maps(&mut evaluator.cells, &Driver::Planner(planner), &sim)?;
+        let driver = Driver::Planner(planner);
+        let sites = deployment::on_maps(&mut evaluator.cells, &driver, &sim, Dynamics::Kinematic)?;
         rows.push(planners::site_row(planner, &sites.into_iter().collect(), &deployment::MAPS, &references));
     }
     Ok(PooledTable {
@@ -257,6 +261,44 @@ pub(super) fn table_5(evaluator: &mut RowEvaluator) -> Result<PooledTable> {
             planners::NOTE.to_owned(),
             PAIRED.to_owned(),
         ],
+    })
+}
+
+/// Success on the same maps where the robot has mass. Not of the paper.
+pub(super) fn table_dynamics(evaluator: &mut RowEvaluator) -> Result<PooledTable> {
+    let mut rows = Vec::new();
+    let names = [(Dynamics::Kinematic, "kinematic"), (Dynamics::Rapier, "rapier")];
+    for (label, name) in ROWS_WITH_MASS {
+        for (dynamics, shown) in names {
+            let evaluated =
+                evaluator.row_at(name, |cells, found| deployment::run_with(cells, found, dynamics))?;
+            rows.push(PooledRow {
+                labels: [label, shown].map(str::to_owned).to_vec(),
+                cells: cells(evaluated, &deployment::sites(dynamics), Measure::Success),
+                paper: vec![None; deployment::MAPS.len()],
+                decimals: 3,
+                sources: sources(evaluated),
+                command: Some(command("table5", name)),
+                note: note(evaluated),
+                planner: false,
+            });
+        }
+    }
+    let sim = evaluator.policies.sim();
+    for (dynamics, shown) in names {
+        let sites = deployment::on_maps(&mut evaluator.cells, &Driver::Planner(BAR), &sim, dynamics)?;
+        let mut row =
+            planners::site_row(BAR, &sites.into_iter().collect(), &deployment::sites(dynamics), &[]);
+        row.labels.push(shown.to_owned());
+        rows.push(row);
+    }
+    Ok(PooledTable {
+        id: "dynamics".to_owned(),
+        title: "Beyond the paper: success on Table 5's maps of robots with mass".to_owned(),
+        label_heads: ["robot", "dynamics"].map(str::to_owned).to_vec(),
+        columns: deployment::MAPS.map(str::to_owned).to_vec(),
+        rows,
+        notes: vec![READING.to_owned(), deployment::NOTE_WITH_MASS.to_owned(), planners::NOTE.to_owned()],
     })
 }
 

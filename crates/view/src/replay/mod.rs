@@ -26,6 +26,7 @@ use jostle_peds::CrowdKind;
 
 use self::driver::Driver;
 use self::page::{Page, Scene};
+use jostle_runs::changed::changed;
 use jostle_runs::output;
 use jostle_runs::policies;
 use jostle_runs::run_folder::write_atomically;
@@ -79,6 +80,9 @@ pub struct ReplayArgs {
     /// Agents in a room, the robot among them (default: as in training, else 5).
     #[arg(long, value_name = "N")]
     agents: Option<usize>,
+    /// Change a key of the room that the policy was trained in, such as `sim.robot.dynamics=rapier`; may be repeated.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    changes: Vec<String>,
     /// Seed of starts, goals and noise.
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -139,7 +143,8 @@ pub fn run(args: &ReplayArgs) -> Result<ExitCode> {
     for (k, path) in args.against.iter().enumerate() {
         drivers.push(Driver::open(path, args.against_token.get(k).copied().unwrap_or(0))?);
     }
-    let config = ArenaConfig { seed: args.seed, ..config_of(&drivers, args.agents)? };
+    let mut config = ArenaConfig { seed: args.seed, ..config_of(&drivers, args.agents)? };
+    config.sim = changed(config.sim, &args.changes)?;
     jostle_runs::maps::tell(&config.sim.room)?;
     let protocol = Protocol::new(config, pools(args, &crowds)?)?;
     let wish = Wish {
