@@ -425,7 +425,8 @@ impl ArenaRoom {
                 self.motions[i + 1] = Motion::Still;
             }
         }
-        let heading = self.world.pose(ROBOT).direction();
+        let start = self.world.pose(ROBOT);
+        let heading = start.direction();
         let directions: Vec<Vec2> =
             (1..self.motions.len()).map(|body| self.world.pose(body).direction()).collect();
         self.world.advance_to_stops(&self.motions, dt, &mut self.stops);
@@ -434,7 +435,12 @@ impl ArenaRoom {
         self.velocity = self.world.measured(ROBOT).unwrap_or(commanded);
         // Not the distance of the positions: in f32 their rounding adds up to 1e-5 m over an episode, and the way would
         // exceed what the speed allows.
-        self.path_length += f64::from(self.velocity[0].abs()) * plan.scale.dt;
+        // (A robot that has mass goes as it goes.)
+        self.path_length += if self.world.measured(ROBOT).is_some() {
+            self.world.pose(ROBOT).position.as_dvec2().distance(start.position.as_dvec2())
+        } else {
+            f64::from(self.velocity[0].abs()) * plan.scale.dt
+        };
         for (i, pedestrian) in self.pedestrians.iter_mut().enumerate() {
             let pose = self.world.pose(i + 1);
             pedestrian.position = pose.position;

@@ -15,7 +15,7 @@ use glam::Vec2;
 
 /// Acceleration of free fall, m/s².
 const GRAVITY: f32 = 9.81;
-/// Rounds over the four wheels in a step. Two of three impulses of a Jackal that corners at its limits stay the same to 1 % after five.
+/// Rounds over the four wheels in a step.
 const ROUNDS: usize = 10;
 
 /// The motion of a base in its own frame.
