@@ -197,11 +197,11 @@ impl Dynamics {
 #[serde(deny_unknown_fields, default)]
 pub struct BaseConfig {
     /// Mass with wheels, kg. Default 18.431 (URDF: 16.523 and four of 0.477).
-    #[cfg_attr(feature = "schema", schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 10000.0, "unit" = "kg")))]
+    #[cfg_attr(feature = "schema", schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 10_000.0, "unit" = "kg")))]
     pub mass: f32,
     /// Moment of inertia about the vertical through the centre, with wheels, kg·m². Default 0.5537
     /// (URDF: 0.4485 and the wheels where they are).
-    #[cfg_attr(feature = "schema", schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 10000.0, "unit" = "kg·m²")))]
+    #[cfg_attr(feature = "schema", schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 10_000.0, "unit" = "kg·m²")))]
     pub inertia: f32,
     /// Distance between front and rear wheels, m. Default 0.262 (URDF).
     #[cfg_attr(feature = "schema", schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 100.0, "unit" = "m")))]
@@ -218,10 +218,10 @@ pub struct BaseConfig {
     /// Largest torque of a wheel at rest, N·m; it falls in a straight line to none at `motor_speed`.
     /// Default 24.5 (data sheet: such a motor's most power, a quarter of torque times speed, is 125 W
     /// a wheel).
-    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 1000000.0, "unit" = "N·m")))]
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 1_000_000.0, "unit" = "N·m")))]
     pub motor_torque: f32,
     /// Turning speed of a wheel that nothing holds, rad/s. Default 20.41 (data sheet: 2 m/s).
-    #[cfg_attr(feature = "schema", schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 1000000.0, "unit" = "rad/s")))]
+    #[cfg_attr(feature = "schema", schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 1_000_000.0, "unit" = "rad/s")))]
     pub motor_speed: f32,
     /// The wheels' speeds are set as if the track were so many times as wide, because wheels slide
     /// while a base turns. Default 1.5 (control).

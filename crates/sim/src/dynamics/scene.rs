@@ -54,9 +54,9 @@ pub(crate) fn advance(
     scene.gravity = Vec2::ZERO;
     scene.integration_parameters.dt = dt / n_steps as f32;
     let mut movers = Vec::new();
-    for body in 0..world.n_bodies() {
+    for (body, stop) in stops.iter_mut().enumerate() {
         if let Some(command) = command(world, motions, body) {
-            stops[body] = command.is_none().then_some(Stop::Command);
+            *stop = command.is_none().then_some(Stop::Command);
             movers.push(insert(&mut scene, world, body, command.unwrap_or([0.0; 2]), n_steps, dt));
         }
     }
