@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -27,11 +27,12 @@ from ._keywords import (
 Float32 = NDArray[np.float32]
 
 
-def spaces(core: _jostle.CrowdRooms | _jostle.RobotRoom) -> tuple[Box, Box]:
+def spaces(core: _jostle.CrowdRooms | _jostle.RobotRoom) -> tuple[Box[np.float32], Box[np.float32]]:
     """The spaces of one robot's observation and action."""
     low, high = (np.array(bound, np.float32) for bound in core.bounds())
     limits = np.array(core.limits, np.float32)
-    return Box(low, high, dtype=np.float32), Box(limits * np.float32([0, -1]), limits, dtype=np.float32)
+    least = limits * np.array([0, -1], np.float32)
+    return Box(low, high, dtype=np.float32), Box(least, limits, dtype=np.float32)
 
 
 def state(core: _jostle.CrowdRooms, i: int) -> dict[str, Any]:
@@ -105,7 +106,7 @@ class RoomEnv(gymnasium.Env[Float32, Float32]):
         ValueError: one line with the setting, what was found and what was expected.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 10}
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 10}
 
     def __init__(
         self,

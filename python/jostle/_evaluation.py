@@ -107,35 +107,49 @@ def evaluate(
     warn(_jostle.notes(words, fn.core if isinstance(fn, Policy) else None))
     if isinstance(fn, Policy):
         found = _jostle.evaluate_policy(fn.core, words, episodes, seed, batch)
-        name = name or fn.name
+        called = fn.name
     elif isinstance(fn, Planner):
         found = _jostle.evaluate_planner(fn.core, words, episodes, seed, batch)
-        name = name or fn.name
+        called = fn.name
     else:
-
-        def act(observations: Float32, n: int) -> Float32:
-            return np.ascontiguousarray(fn(observations[:n]), np.float32)
-
-        name = name or getattr(fn, "__name__", type(fn).__name__)
-        def zeros(shape: tuple[int, int]) -> Float32:
-            return np.zeros(shape, np.float32)
-
-        found = _jostle.evaluate(act, zeros, name, words, episodes, seed, batch)
+        called = str(getattr(fn, "__name__", type(fn).__name__))
+        found = _jostle.evaluate(_rows(fn), _zeros, name or called, words, episodes, seed, batch)
     result, records, n_agents = found
     found_result = json.loads(result)
     summary = found_result["summary"]
-    pair = {key: (summary[key]["mean"], summary[key]["std"]) for key in ("extra_time", "extra_distance", "average_speed")}
-    counts = {key: summary[key] for key in ("episodes", "success", "collision_wall", "collision_pedestrian", "timeout")}
     interval = summary["wilson_95"]
     return Evaluation(
-        name=name,
+        name=name or called,
         crowd=crowd,
         n_agents=n_agents,
         seed=seed,
+        episodes=summary["episodes"],
+        success=summary["success"],
+        collision_wall=summary["collision_wall"],
+        collision_pedestrian=summary["collision_pedestrian"],
+        timeout=summary["timeout"],
         success_rate=summary["success_rate"],
         wilson_95=(interval["low"], interval["high"]),
+        extra_time=_mean_and_std(summary["extra_time"]),
+        extra_distance=_mean_and_std(summary["extra_distance"]),
+        average_speed=_mean_and_std(summary["average_speed"]),
         driving=found_result["driving"],
         records=json.loads(records),
-        **counts,
-        **pair,
     )
+
+
+def _rows(fn: Callable[[Float32], ArrayLike]) -> Callable[[Float32, int], Float32]:
+    """The function as Rust calls it: with an array of which the first n rows are to be answered."""
+
+    def act(observations: Float32, n: int) -> Float32:
+        return np.ascontiguousarray(fn(observations[:n]), np.float32)
+
+    return act
+
+
+def _zeros(shape: tuple[int, int]) -> Float32:
+    return np.zeros(shape, np.float32)
+
+
+def _mean_and_std(found: dict[str, float | None]) -> tuple[float | None, float | None]:
+    return found["mean"], found["std"]

@@ -125,7 +125,7 @@ def option(options: Mapping[str, Any] | None, known: str | None, passed_over: st
     for name in options:
         if name not in (known, passed_over):
             raise refusal("options", name, expected)
-    return options.get(known)
+    return None if known is None else options.get(known)
 
 
 def render_mode_or_none(mode: str | None) -> str | None:
@@ -163,11 +163,8 @@ def overrides(settings: Mapping[str, Setting] | None) -> list[str]:
         raise refusal("settings", settings, "a dictionary of keys and values")
     found = {}
     for key, value in (settings or {}).items():
-        if isinstance(value, os.PathLike):
-            value = path_or_none(f"settings: {key}", value)
-        if key == "sim.room.map" and isinstance(value, str):
-            value = os.path.abspath(value)
-        found[key] = value
+        plain = path_or_none(f"settings: {key}", value) if isinstance(value, os.PathLike) else value
+        found[key] = os.path.abspath(plain) if key == "sim.room.map" and isinstance(plain, str) else plain
     return [f"{key}={_toml(key, value)}" for key, value in found.items()]
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium
 import numpy as np
-from gymnasium.spaces import Box
+from gymnasium.spaces import Box, Space
 from gymnasium.utils import seeding
 from numpy.typing import ArrayLike, NDArray
 from pettingzoo import ParallelEnv
@@ -32,7 +32,7 @@ from ._keywords import (
 class RobotsEnv(ParallelEnv[str, Float32, Float32]):
     """Robots that are each other's crowd, as in training. See :func:`jostle.parallel_env`."""
 
-    metadata: ClassVar[dict[str, Any]] = {
+    metadata: dict[str, Any] = {
         "name": "jostle_robots_v0",
         "render_modes": ["rgb_array"],
         "render_fps": 10,
@@ -71,11 +71,11 @@ class RobotsEnv(ParallelEnv[str, Float32, Float32]):
         self._tokens: list[int] = []
         self._random: np.random.Generator | None = None
 
-    def observation_space(self, agent: str) -> Box:
+    def observation_space(self, agent: str) -> Space[Float32]:
         """The same object in every call."""
         return self.observation_spaces[agent]
 
-    def action_space(self, agent: str) -> Box:
+    def action_space(self, agent: str) -> Space[Float32]:
         """The same object in every call."""
         return self.action_spaces[agent]
 

@@ -27,7 +27,7 @@ def scan_to_row(scans: ArrayLike, goal: ArrayLike, velocity: ArrayLike, *, max_r
     Raises:
         ValueError: one line with what was found and what was expected.
     """
-    if not (np.isscalar(max_range) and np.isreal(max_range) and 0.0 < max_range < np.inf):
+    if not (isinstance(max_range, (int, float, np.integer, np.floating)) and 0.0 < max_range < np.inf):
         raise refusal("max_range", max_range, "a finite number above 0")
     ranges = _numbers("scans", scans)
     if ranges.ndim == 1:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -43,7 +43,7 @@ class VectorRooms(VectorEnv[Float32, Float32, NDArray[Any]]):
     ``infos`` among them.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {
+    metadata: dict[str, Any] = {
         "render_modes": ["rgb_array"],
         "render_fps": 10,
         "autoreset_mode": AutoresetMode.SAME_STEP,
@@ -99,10 +99,11 @@ class VectorRooms(VectorEnv[Float32, Float32, NDArray[Any]]):
         chosen = np.flatnonzero(mask).tolist()
         arrays = self._targets()
         for i in chosen:
-            if seeds[i] is None and self._begun[i]:
+            one = seeds[i]
+            if one is None and self._begun[i]:
                 self._core.begin_next(i, *arrays)
             else:
-                drawn = int(self.np_random.integers(2**63)) if seeds[i] is None else seeds[i]
+                drawn = int(self.np_random.integers(2**63)) if one is None else one
                 self._core.begin(i, drawn, None, *arrays)
         if isinstance(seed, (int, np.integer)):
             super().reset(seed=int(seed))
@@ -158,9 +159,9 @@ class VectorRooms(VectorEnv[Float32, Float32, NDArray[Any]]):
         if seed is None:
             return [None] * n
         if isinstance(seed, (int, np.integer)):
-            first = seed_or_none(seed)
+            seed_or_none(seed)
             seed_or_none(int(seed) + n - 1)
-            return [first + i for i in range(n)]
+            return [int(seed) + i for i in range(n)]
         if isinstance(seed, (str, bytes)) or not isinstance(seed, (Sequence, np.ndarray)):
             raise refusal("seed", seed, f"a whole number, or {n} of them, one for each room")
         if len(seed) != n:
@@ -182,13 +183,15 @@ class VectorRooms(VectorEnv[Float32, Float32, NDArray[Any]]):
         arrays = self._observations, self._places, self._clearances
         if not self.copy:
             return arrays
-        new = [array.copy() if copied else np.empty_like(array) for array in arrays]
-        return new[0], new[1], new[2]
+        observations, places, clearances = arrays
+        if copied:
+            return observations.copy(), places.copy(), clearances.copy()
+        return np.empty_like(observations), np.empty_like(places), np.empty_like(clearances)
 
     def _infos(self, mask: NDArray[np.bool_] | None = None) -> dict[str, Any]:
         """Where the robots stand, as Gymnasium's vectors put it: an array for each key, and one that says which rooms have it."""
         infos: dict[str, Any] = {}
-        told = {"pose": self._places[:, :3], "goal": self._places[:, 3:], "clearance": self._clearances}
+        told: dict[str, NDArray[Any]] = {"pose": self._places[:, :3], "goal": self._places[:, 3:], "clearance": self._clearances}
         if mask is None:
             mask = np.ones(self.num_envs, np.bool_)
         elif not mask.all():

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use anyhow::Result;
 use clap::{Parser, Subcommand};
 
-use crate::{bench, chaos, ci, fuzz};
+use crate::{bench, chaos, ci, fuzz, wheel};
 
 #[derive(Parser)]
 #[command(
@@ -34,6 +34,8 @@ enum Command {
     Bench(bench::BenchArgs),
     /// Check everything: format, lints, documentation, tests, doctests.
     Ci(ci::CiArgs),
+    /// Build the Python package as a wheel that pip installs without Rust.
+    Wheel(wheel::WheelArgs),
 }
 
 impl Cli {
@@ -46,6 +48,7 @@ impl Cli {
             Command::Fuzz(args) => fuzz::run(&args),
             Command::Bench(args) => bench::run(&args),
             Command::Ci(args) => ci::run(&args),
+            Command::Wheel(args) => wheel::run(&args),
         }
     }
 }
