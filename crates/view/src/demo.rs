@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
 use std::time::Instant;
 
-use anyhow::{Context as _, Result};
+use anyhow::{Context as _, Result, ensure};
 use clap::Args;
 use jostle_arena::Planner;
 use jostle_arena::crowds::Pools;
@@ -26,9 +26,6 @@ const PAPERS_ROW: &str = "m5-";
 const PLANNER: Planner = Planner::Dwa;
 /// The robot and so many pedestrians less one.
 const AGENTS: usize = 8;
-/// Episodes in each crowd.
-const EPISODES: usize = 10;
-
 /// Arguments of `demo`.
 #[derive(Args)]
 #[command(
@@ -39,6 +36,9 @@ pub struct DemoArgs {
     /// M = 5).
     #[arg(long, value_name = "POLICY")]
     policy: Option<PathBuf>,
+    /// Episodes in each of the two crowds.
+    #[arg(long, value_name = "N", default_value_t = 10)]
+    episodes: usize,
     /// Folder for the page.
     #[arg(long, value_name = "DIR", default_value = "runs/demo")]
     out: PathBuf,
@@ -50,6 +50,7 @@ pub struct DemoArgs {
 /// Runs a policy among the two crowds that need no training, and names the page that shows it.
 pub fn run(args: &DemoArgs) -> Result<ExitCode> {
     let started = Instant::now();
+    ensure!(args.episodes > 0, "--episodes: found 0, expected at least 1");
     let shown: Vec<PathBuf> = if let Some(path) = &args.policy {
         vec![path.clone()]
     } else {
@@ -67,7 +68,7 @@ pub fn run(args: &DemoArgs) -> Result<ExitCode> {
         drivers.insert(drivers.len().min(1), Driver::planner(PLANNER));
     }
     let protocol = Protocol::new(config_of(&drivers, Some(AGENTS))?, Pools::default())?;
-    let wish = Wish::first(EPISODES);
+    let wish = Wish::first(args.episodes);
     let page = record(&protocol, &drivers, &[CrowdKind::Sf, CrowdKind::Vo], &wish)?.page;
     let path = write(&page, &args.out)?;
     output::result(&format!("{}\n{}\n", page.summary(), path.display()))?;

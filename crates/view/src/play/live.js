@@ -6,7 +6,7 @@
   const RETRY = 1500; // Milliseconds between two attempts to connect.
   const VALUES = ["Time", "Speed", "Turning", "Nearest thing", "Way to goal"];
   const TOOLS = ["goal", "pedestrian", "obstacle"];
-  const now = { world: null, run: null, setup: null, playing: false, times: 1, came: 0, step: -1, episode: -1, policies: [],
+  const now = { first: true, world: null, run: null, setup: null, playing: false, times: 1, came: 0, step: -1, episode: -1, policies: [],
     layers: { laser: true, trails: true, goals: true, speed: true } };
   const view = Parts.view($("stage"), "accent", "", "", VALUES);
   let socket = null;
@@ -21,6 +21,25 @@
     const made = element("option", { value: String(value) }, label);
     made.disabled = Boolean(disabled);
     return made;
+  }
+
+  // A link names the policy, as another server may offer others; what it leaves out is as the server has it.
+  function follow() {
+    const wish = new URLSearchParams(location.hash.slice(1));
+    if (!["policy", "crowd", "pedestrians", "token", "seed", "episode"].some((name) => wish.has(name))) return false;
+    const at = now.policies.findIndex((policy) => policy.name === wish.get("policy"));
+    const number = (name, otherwise) => (wish.has(name) ? Number(wish.get(name)) : otherwise);
+    const { setup } = now;
+    ask("setup", { crowd: wish.get("crowd") || setup.crowd, pedestrians: number("pedestrians", setup.pedestrians),
+      policy: at < 0 ? setup.policy : at, token: number("token", 0), seed: number("seed", setup.seed), episode: number("episode", 0) });
+    return true;
+  }
+
+  function link() {
+    const { setup, episode } = now;
+    if (!setup) return location.href;
+    const policy = (now.policies[setup.policy] || {}).name;
+    return Parts.address({ policy, crowd: setup.crowd, pedestrians: setup.pedestrians, token: setup.token || null, seed: setup.seed, episode });
   }
 
   function choices({ policies, crowds, pedestrians_max }) {
@@ -55,6 +74,10 @@
     $("legend").replaceChildren(element("span", {}, mark(setup.crowd, true), `${setup.crowd}: ${CROWDS[setup.crowd]}`),
       element("span", {}, "0 ", element("span", { class: "scale" }), ` ${scene.v_max} m/s`));
     measure();
+    // The first room is the server's; a visitor who came by a link gets that of the link.
+    const followed = now.first && follow();
+    now.first = false;
+    if (!followed) link();
   }
 
   function clock({ playing, times }) {
@@ -122,6 +145,7 @@
   let quiet = null;
   function refused({ why }) {
     $("refused").textContent = why;
+    link();
     clearTimeout(quiet);
     quiet = setTimeout(() => { $("refused").textContent = ""; }, 5000);
   }
@@ -136,6 +160,7 @@
       HEAR[told.kind](told);
     });
     socket.addEventListener("close", () => {
+      now.first = true;
       document.body.dataset.connected = "false";
       $("headline").textContent = "not connected: is `cargo xtask play` still running, with fewer than 8 pages open?";
       setTimeout(connect, RETRY);
@@ -166,7 +191,9 @@
       view.values.forEach((value, k) => { value.textContent = texts[k]; });
       view.badge.textContent = run.outcome ? OUTCOMES[run.outcome] : now.playing ? "on its way" : "paused";
       view.badge.style.color = run.outcome ? `var(--${run.outcome})` : "var(--muted)";
-      view.canvas.setAttribute("aria-label", `${view.title.textContent}: ${view.badge.textContent}`);
+      const label = `Room of ${view.title.textContent}, ${view.badge.textContent}. Arrows move a cross, Enter clicks.`;
+      if (view.label !== label) view.canvas.setAttribute("aria-label", view.label = label);
+      if (cross && document.activeElement === view.canvas) Scene.cross(view.canvas, view.width, world.site, cross);
       document.body.dataset.playing = now.playing;
     }
     requestAnimationFrame(draw);
@@ -194,6 +221,25 @@
   });
   view.canvas.addEventListener("pointermove", (event) => { if (event.buttons && now.world) point(event); });
 
+  // The same without a mouse: a cross that arrows move by half a metre, with Shift by a tenth.
+  let cross = null;
+  const MOVES = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+  view.canvas.tabIndex = 0;
+  view.canvas.setAttribute("role", "application");
+  view.canvas.addEventListener("keydown", (event) => {
+    if (!now.run || !(event.key in MOVES || event.key === "Enter")) return;
+    const box = Scene.bounds(now.world.site), by = event.shiftKey ? 0.1 : 0.5;
+    cross = cross || [...now.run.goal];
+    if (event.key === "Enter") ask(tool(), { x: cross[0], y: cross[1] });
+    else {
+      const [x, y] = MOVES[event.key];
+      cross = [Math.min(box.right, Math.max(box.left, cross[0] + x * by)), Math.min(box.top, Math.max(box.bottom, cross[1] + y * by))];
+    }
+    Parts.say(`${event.key === "Enter" ? tool() : "cross"} at ${cross.map((value) => value.toFixed(1)).join(", ")}`, false);
+    event.preventDefault();
+    event.stopPropagation();
+  });
+
   const play = () => ask(now.playing ? "pause" : "play");
   const rate = (by) => {
     const at = Math.min($("rate").options.length - 1, Math.max(0, $("rate").selectedIndex + by));
@@ -210,14 +256,16 @@
     event.preventDefault();
     const number = (name) => Number($(name).value);
     ask("setup", { crowd: $("crowd").value, pedestrians: number("pedestrians"), policy: number("policy"), token: number("token"),
-      seed: number("seed") });
+      seed: number("seed"), episode: 0 });
   });
   const turn = Parts.theme(new URLSearchParams(location.hash.slice(1)).get("theme"), measure);
   Parts.keys({
     " ": play, ArrowRight: () => ask("step"), r: () => ask("reset"), n: () => ask("next"), "+": () => rate(1), "-": () => rate(-1),
-    d: turn, 1: pick(0), 2: pick(1), 3: pick(2), ...Parts.layers(now.layers, () => {}),
+    d: turn, c: () => $("share").click(), 1: pick(0), 2: pick(1), 3: pick(2), ...Parts.layers(now.layers, () => {}),
   }, () => now.world);
   addEventListener("resize", measure);
+  addEventListener("hashchange", follow);
+  Parts.share(link);
   connect();
   requestAnimationFrame(draw);
 })();

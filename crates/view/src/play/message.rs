@@ -28,7 +28,7 @@ pub(crate) enum ClientMessage {
     Pedestrian { x: f32, y: f32 },
     /// One more obstacle: a disc.
     Obstacle { x: f32, y: f32 },
-    /// Another room, from its first episode on.
+    /// Another room, from one of its episodes on.
     Setup(Setup),
 }
 
@@ -42,6 +42,9 @@ pub(crate) struct Setup {
     pub(crate) policy: usize,
     pub(crate) token: u32,
     pub(crate) seed: u64,
+    /// The episode that comes first.
+    #[serde(default)]
+    pub(crate) episode: u64,
 }
 
 /// A message to a visitor.
@@ -101,8 +104,11 @@ mod tests {
         let read = |text: &str| serde_json::from_str::<ClientMessage>(text);
         assert_eq!(read(r#"{"do":"goal","x":1,"y":-2.5}"#).unwrap(), ClientMessage::Goal { x: 1.0, y: -2.5 });
         let setup = r#"{"do":"setup","crowd":"SF","pedestrians":4,"policy":0,"token":0,"seed":7}"#;
-        let expected = Setup { crowd: CrowdKind::Sf, pedestrians: 4, policy: 0, token: 0, seed: 7 };
-        assert_eq!(read(setup).unwrap(), ClientMessage::Setup(expected));
+        let expected =
+            Setup { crowd: CrowdKind::Sf, pedestrians: 4, policy: 0, token: 0, seed: 7, episode: 0 };
+        assert_eq!(read(setup).unwrap(), ClientMessage::Setup(expected.clone()));
+        let third = setup.replace("\"seed\":7", "\"seed\":7,\"episode\":3");
+        assert_eq!(read(&third).unwrap(), ClientMessage::Setup(Setup { episode: 3, ..expected }));
         let unknown = setup.replace("SF", "wanderers");
         let error = read(&unknown).unwrap_err().to_string();
         assert!(error.starts_with("unknown crowd `wanderers`; expected one of NH, IN"), "{error}");

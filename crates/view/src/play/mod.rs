@@ -76,7 +76,7 @@ pub fn run(args: &PlayArgs) -> Result<ExitCode> {
         jostle_runs::maps::tell(&policy.sim_config()?.room)?;
     }
     let (crowd, pedestrians) = (args.crowd, args.pedestrians);
-    let first = Setup { crowd, pedestrians, policy: 0, token: args.token, seed: args.seed };
+    let first = Setup { crowd, pedestrians, policy: 0, token: args.token, seed: args.seed, episode: 0 };
     // What cannot be played is said here, not to the first visitor.
     Session::new(&catalogue, first.clone())?;
     let (listener, address) = listen(args.port)?;
@@ -98,7 +98,7 @@ pub fn serve_in_background() -> Result<SocketAddr> {
     let crowds = CrowdKind::built_in().filter(|crowd| !crowd.is_learned()).collect();
     let catalogue =
         Catalogue { drivers: vec![Driver::planner(Planner::GoalSeeker)], pools: Pools::default(), crowds };
-    let first = Setup { crowd: CrowdKind::Sf, pedestrians: 4, policy: 0, token: 0, seed: 0 };
+    let first = Setup { crowd: CrowdKind::Sf, pedestrians: 4, policy: 0, token: 0, seed: 0, episode: 0 };
     let (listener, address) = listen(0)?;
     std::thread::spawn(move || Arc::new(Server::new(catalogue, first)).serve(&listener, address));
     Ok(address)

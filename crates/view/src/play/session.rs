@@ -65,12 +65,13 @@ pub(crate) struct Session<'a> {
 }
 
 impl<'a> Session<'a> {
-    /// The first episode of a setup.
+    /// The episode that a setup begins with.
     ///
     /// # Errors
     /// A setup that is not among what the catalogue offers; what the room or the crowd refuses.
     pub(crate) fn new(catalogue: &'a Catalogue, setup: Setup) -> Result<Self> {
-        Self::at(catalogue, setup, 0)
+        let episode = setup.episode;
+        Self::at(catalogue, setup, episode)
     }
 
     fn at(catalogue: &'a Catalogue, setup: Setup, episode: u64) -> Result<Self> {
@@ -244,7 +245,7 @@ mod tests {
     }
 
     fn setup(seed: u64) -> Setup {
-        Setup { crowd: CrowdKind::Sf, pedestrians: 4, policy: 0, token: 0, seed }
+        Setup { crowd: CrowdKind::Sf, pedestrians: 4, policy: 0, token: 0, seed, episode: 0 }
     }
 
     /// Steps with a goal, a pedestrian and an obstacle between them.
@@ -297,6 +298,10 @@ mod tests {
         let refused = |setup: Setup| Session::new(&catalogue, setup).err().unwrap().to_string();
         assert!(refused(Setup { crowd: CrowdKind::Nh, ..setup(0) }).contains("--pool"));
         assert!(refused(Setup { policy: 1, ..setup(0) }).contains("expected less than 1"));
+        let third = Session::new(&catalogue, Setup { episode: 2, ..setup(0) }).unwrap();
+        let mut next = Session::new(&catalogue, setup(0)).unwrap();
+        (next.next().unwrap(), next.next().unwrap());
+        assert_eq!((third.frame(), third.frame().episode), (next.frame(), 2), "an episode is where it is");
         assert!(refused(Setup { pedestrians: 41, ..setup(0) }).contains("at most 40"));
     }
 }

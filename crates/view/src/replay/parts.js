@@ -86,5 +86,34 @@ const Parts = (() => {
     });
   }
 
-  return { $, OUTCOMES, CROWDS, bytes, element, mark, view, widthOf, layers, theme, keys };
+  // The address of what is shown: the page's own with a fragment. It changes with the page, so that reload and bookmark work, too.
+  let later = null;
+  function address(parts) {
+    const link = new URL(location.href);
+    link.hash = new URLSearchParams(Object.entries(parts).filter(([, value]) => value !== "" && value !== null));
+    // Browsers object to many changes in a second, as a held key would make.
+    clearTimeout(later);
+    later = setTimeout(() => history.replaceState(null, "", link.hash), 150);
+    return link.href;
+  }
+
+  // A button that copies the address; where the browser allows no copying, it is in the address line all the same.
+  function share(address) {
+    $("share").addEventListener("click", async () => {
+      const link = address();
+      const copied = await navigator.clipboard?.writeText(link).then(() => true, () => false);
+      say(copied ? "The link to this moment is copied." : "The link to this moment is in the address line.");
+    });
+  }
+
+  // Says something to a screen reader; `show` lets eyes see it for a while, too.
+  let quiet = null;
+  function say(text, show = true) {
+    $("said").textContent = text;
+    $("said").classList.toggle("shown", show);
+    clearTimeout(quiet);
+    if (show) quiet = setTimeout(() => $("said").classList.remove("shown"), 4000);
+  }
+
+  return { $, address, share, say, OUTCOMES, CROWDS, bytes, element, mark, view, widthOf, layers, theme, keys };
 })();

@@ -29,6 +29,7 @@
 
   const wish = new URLSearchParams(location.hash.slice(1));
   const still = wish.has("still") || matchMedia("(prefers-reduced-motion: reduce)").matches;
+  // A link to a moment names its episode and its crowd; `crowd` and `filter` alone say which episodes are listed.
   const now = {
     shown: [], at: 0, time: 0, playing: !still, crowd: wish.get("crowd") || "", filter: wish.get("filter") || "",
     layers: { laser: true, trails: true, goals: true, speed: true },
@@ -93,6 +94,8 @@
     if (current) current.scrollIntoView({ block: "nearest", inline: "nearest" });
     drawLegend();
     show();
+    link();
+    tell();
   }
 
   // --- Views ----------------------------------------------------------------------------------------------------
@@ -106,6 +109,8 @@
     const next = Math.min(index + (over ? 0 : 1), run.steps);
     Scene.draw(view.canvas, view.width, world, run, Math.min(now.time, run.steps), Scene.colour(INKS[k]), now.layers);
     view.badge.textContent = over ? OUTCOMES[run.outcome] : "on its way";
+    const label = `${policies[k].name}: ${view.badge.textContent}`;
+    if (view.label !== label) view.canvas.setAttribute("aria-label", view.label = label);
     view.badge.style.color = over ? `var(--${run.outcome})` : "var(--muted)";
     const far = Math.hypot(run.robot[3 * index] - run.goal[0], run.robot[3 * index + 1] - run.goal[1]);
     const texts = [
@@ -113,7 +118,6 @@
       run.command[2 * next + 1].toFixed(2) + " rad/s", run.near[index].toFixed(2) + " m", far.toFixed(1) + " m",
     ];
     view.values.forEach((value, i) => { value.textContent = texts[i]; });
-    view.canvas.setAttribute("aria-label", `${policies[k].name}: ${view.badge.textContent} at ${texts[0]}`);
   }
 
   function drawLegend() {
@@ -206,6 +210,32 @@
     show();
   }
 
+  // --- What is shown, as an address and in words ---------------------------------------------------------------------
+
+  function link() {
+    if (!episode()) return location.href;
+    return Parts.address({ in: episode().crowd, episode: episode().episode, t: (now.time * world.dt).toFixed(1), crowd: now.crowd,
+      filter: now.filter, still: now.playing ? null : "1", theme: wish.get("theme") });
+  }
+
+  // Goes to the moment of a fragment; an episode that the filters hide is shown among all.
+  function follow(asked) {
+    const is = (e) => String(e.episode) === asked.get("episode") && (!asked.has("in") || e.crowd === asked.get("in"));
+    if (!now.shown.some(is) && episodes.some(is)) {
+      now.crowd = now.filter = "";
+      choose();
+    }
+    const at = now.shown.findIndex(is);
+    if (at >= 0) go(at, now.playing);
+    if (asked.has("t")) seek(Number(asked.get("t")) / world.dt);
+    link();
+  }
+
+  function tell() {
+    const ends = episode().runs.map((run, k) => `${policies[k].name} ${OUTCOMES[run.outcome]} after ${seconds(run.steps)}`);
+    Parts.say(`Episode ${episode().episode}, crowd ${episode().crowd}: ${ends.join("; ")}.`, false);
+  }
+
   // --- Clock, keys, pointer -----------------------------------------------------------------------------------------
 
   let last = null, rested = 0;
@@ -230,9 +260,11 @@
     now.playing = !now.playing;
     if (now.playing && now.time >= length()) now.time = 0;
     show();
+    link();
   }
 
-  const step = (by) => { now.playing = false; seek(Math.round(now.time + by)); };
+  const step = (by) => { now.playing = false; seek(Math.round(now.time + by)); link(); };
+  const copy = () => $("share").click();
   const rate = (by) => { $("rate").selectedIndex = Math.min(5, Math.max(0, $("rate").selectedIndex + by)); };
 
   function measure() {
@@ -250,13 +282,14 @@
   Parts.keys({
     " ": play, ArrowLeft: (e) => step(e.shiftKey ? -10 : -1), ArrowRight: (e) => step(e.shiftKey ? 10 : 1),
     ArrowUp: () => go(now.at - 1, now.playing), ArrowDown: () => go(now.at + 1, now.playing), Home: () => seek(0),
-    End: () => seek(Infinity), "+": () => rate(1), "-": () => rate(-1), d: turn, ...Parts.layers(now.layers, show),
+    End: () => seek(Infinity), c: copy, "+": () => rate(1), "-": () => rate(-1), d: turn, ...Parts.layers(now.layers, show),
   }, episode);
 
   function scrub(event) {
     const box = $("timeline").getBoundingClientRect();
     now.playing = false;
     seek((event.clientX - box.left - 10) / (box.width - 20) * length());
+    if (event.type === "pointerup") link();
   }
 
   $("timeline").addEventListener("pointerdown", (event) => {
@@ -265,6 +298,9 @@
     scrub(event);
   });
   $("timeline").addEventListener("pointermove", (event) => { if (event.buttons) scrub(event); });
+  $("timeline").addEventListener("pointerup", (event) => { if (episode()) scrub(event); });
+  addEventListener("hashchange", () => follow(new URLSearchParams(location.hash.slice(1))));
+  Parts.share(link);
   $("play").addEventListener("click", play);
   $("back").addEventListener("click", (event) => step(event.shiftKey ? -10 : -1));
   $("forward").addEventListener("click", (event) => step(event.shiftKey ? 10 : 1));
@@ -278,9 +314,7 @@
   $("headline").title = policies.map((policy) => `${policy.name}: ${policy.note}`).join("\n");
   measure();
   choose();
-  const wanted = now.shown.findIndex((e) => String(e.episode) === wish.get("episode"));
-  if (wanted > 0) go(wanted, now.playing);
   layout();
-  if (wish.has("t")) seek(Number(wish.get("t")) / world.dt);
+  follow(wish);
   requestAnimationFrame(tick);
 })();

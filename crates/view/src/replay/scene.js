@@ -6,8 +6,22 @@ const Scene = (() => {
   const TELEPORT = 1.0; // A body that is farther than this (m) from where it was a step ago was put there.
   const MARGIN = 0.35; // Around the walls (m).
   const PAST = 40; // Steps of a pedestrian's trail.
+  const FADE = 5; // Steps of it that are equally faint.
+  const LEVELS = 24; // Speeds that a robot's trail tells apart.
 
-  const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
+  // Colours are the style sheet's. They are read once for each theme: at 60 pictures a second and a hundred colours a picture,
+  // asking for computed styles takes longer than drawing.
+  const colours = new Map();
+  let theme = null;
+  function colour(name) {
+    const { documentElement } = document;
+    if (documentElement.dataset.theme !== theme) {
+      theme = documentElement.dataset.theme;
+      colours.clear();
+    }
+    if (!colours.has(name)) colours.set(name, getComputedStyle(documentElement).getPropertyValue("--" + name).trim());
+    return colours.get(name);
+  }
 
   const mix = (a, b, share) => a + (b - a) * share;
 
@@ -32,23 +46,28 @@ const Scene = (() => {
     return { left: Math.min(...xs), right: Math.max(...xs), bottom: Math.min(...ys), top: Math.max(...ys) };
   }
 
-  // The pen: world coordinates (metres, y upwards) on a canvas of `width` CSS pixels.
+  // From world coordinates (metres, y upwards) to those of a canvas of `width` CSS pixels.
+  function scales(site, width) {
+    const box = bounds(site), scale = width / (box.right - box.left + 2 * MARGIN);
+    return {
+      scale, height: Math.round((box.top - box.bottom + 2 * MARGIN) * scale),
+      x: (x) => (x - box.left + MARGIN) * scale,
+      y: (y) => (box.top - y + MARGIN) * scale,
+    };
+  }
+
+  // A canvas of that width, empty, with a pen for it.
   function pen(canvas, site, width) {
-    const box = bounds(site), margin = MARGIN;
-    const metres = box.right - box.left + 2 * margin, tall = box.top - box.bottom + 2 * margin;
-    const scale = width / metres, ratio = window.devicePixelRatio || 1;
-    const height = Math.round(tall * scale);
-    canvas.width = Math.round(width * ratio);
-    canvas.height = Math.round(height * ratio);
+    const { height, ...scaled } = scales(site, width), ratio = window.devicePixelRatio || 1;
+    const size = [Math.round(width * ratio), Math.round(height * ratio)];
+    // To set a canvas' size is to make a new one, even where it is the same.
+    if (canvas.width !== size[0] || canvas.height !== size[1]) [canvas.width, canvas.height] = size;
     canvas.style.width = width + "px";
     canvas.style.height = height + "px";
     const context = canvas.getContext("2d");
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
-    return {
-      context, scale,
-      x: (x) => (x - box.left + margin) * scale,
-      y: (y) => (box.top - y + margin) * scale,
-    };
+    context.clearRect(0, 0, width, height);
+    return { context, ...scaled };
   }
 
   function path(p, points) {
@@ -129,35 +148,46 @@ const Scene = (() => {
     const c = p.context, slow = channels(colour("slow")), fast = channels(colour("fast"));
     const index = Math.floor(time);
     c.lineWidth = 2.5;
-    c.lineCap = "round";
-    let [x, y] = between(run.robot, 0, 0, 1, 0);
+    c.lineCap = c.lineJoin = "round";
+    let [x, y] = between(run.robot, 0, 0, 1, 0), shown = null;
     for (let k = 1; k <= Math.ceil(time); k++) {
       const [nx, ny] = k <= index ? between(run.robot, k, 0, 1, 0) : between(run.robot, index, time - index, 1, 0);
-      const share = Math.min(1, Math.abs(run.command[2 * k]) / world.v_max);
-      c.strokeStyle = `rgb(${slow.map((s, i) => Math.round(mix(s, fast[i], share))).join(",")})`;
-      c.beginPath();
-      c.moveTo(p.x(x), p.y(y));
+      // Steps of about the same speed are one line.
+      const level = Math.round(Math.min(1, Math.abs(run.command[2 * k]) / world.v_max) * LEVELS);
+      if (level !== shown) {
+        if (shown !== null) c.stroke();
+        c.strokeStyle = `rgb(${slow.map((s, i) => Math.round(mix(s, fast[i], level / LEVELS))).join(",")})`;
+        c.beginPath();
+        c.moveTo(p.x(x), p.y(y));
+        shown = level;
+      }
       c.lineTo(p.x(nx), p.y(ny));
-      c.stroke();
       [x, y] = [nx, ny];
     }
+    if (shown !== null) c.stroke();
   }
 
   function drawTrail(p, run, index, share, body, ink) {
     const c = p.context;
     c.lineWidth = 2;
     c.strokeStyle = ink;
-    let last = between(run.pedestrians, index, share, run.n, body);
+    c.lineCap = "butt";
+    c.lineJoin = "round";
+    let last = between(run.pedestrians, index, share, run.n, body), open = false;
     for (let k = index; k >= Math.max(0, index - PAST); k--) {
       const here = between(run.pedestrians, k, 0, run.n, body);
       if (Math.hypot(here[0] - last[0], here[1] - last[1]) > TELEPORT) break;
-      c.globalAlpha = 0.6 * (1 - (index - k) / PAST);
-      c.beginPath();
-      c.moveTo(p.x(last[0]), p.y(last[1]));
+      if ((index - k) % FADE === 0) {
+        if (open) c.stroke();
+        c.globalAlpha = 0.6 * (1 - (index - k) / PAST);
+        c.beginPath();
+        c.moveTo(p.x(last[0]), p.y(last[1]));
+        open = true;
+      }
       c.lineTo(p.x(here[0]), p.y(here[1]));
-      c.stroke();
       last = here;
     }
+    if (open) c.stroke();
     c.globalAlpha = 1;
   }
 
@@ -310,6 +340,21 @@ const Scene = (() => {
     drawEnd(p, run, time);
   }
 
+  // A cross at a place (m), for who has no pointer.
+  function cross(canvas, width, site, [x, y]) {
+    const p = { context: canvas.getContext("2d"), ...scales(site, width) }, c = p.context, arm = 9;
+    for (const [ink, line] of [["panel", 5], ["ink", 2]]) {
+      c.strokeStyle = colour(ink);
+      c.lineWidth = line;
+      c.beginPath();
+      c.moveTo(p.x(x) - arm, p.y(y));
+      c.lineTo(p.x(x) + arm, p.y(y));
+      c.moveTo(p.x(x), p.y(y) - arm);
+      c.lineTo(p.x(x), p.y(y) + arm);
+      c.stroke();
+    }
+  }
+
   // The place (m) that a pointer is at, on a canvas that was drawn with this width.
   function locate(canvas, width, site, event) {
     const box = bounds(site), corner = canvas.getBoundingClientRect(), metres = (box.right - box.left + 2 * MARGIN) / width;
@@ -317,5 +362,5 @@ const Scene = (() => {
     return [box.left - MARGIN + x, box.top + MARGIN - y];
   }
 
-  return { draw, locate, colour, bounds, ends };
+  return { draw, cross, locate, colour, bounds, ends };
 })();

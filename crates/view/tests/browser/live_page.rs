@@ -53,7 +53,32 @@ pub(super) fn check(tab: &mut Tab) -> Result<()> {
     tab.click("#play")?;
     tab.wait("document.body.dataset.playing === 'true' && Number(document.body.dataset.step) > 25")?;
     tab.click("#play")?;
-    tab.wait("document.body.dataset.playing === 'false'")
+    tab.wait("document.body.dataset.playing === 'false'")?;
+
+    // Without a mouse: a cross from the goal on, a metre to the left of it, Enter.
+    tab.click("#reset")?;
+    tab.wait("document.body.dataset.step === '0'")?;
+    let goal = tab.eval("document.body.dataset.goal")?;
+    tab.eval("document.querySelector('.view canvas').focus()")?;
+    let away = if tab.number("Number(document.body.dataset.goal.split(' ')[0])")? > 0.0 {
+        "ArrowLeft"
+    } else {
+        "ArrowRight"
+    };
+    tab.key(away)?;
+    tab.key(away)?;
+    tab.key("Enter")?;
+    tab.wait(&format!(
+        "(([x, y], [u, v]) => Math.abs(Math.abs(x - u) - 1) < 0.02 && Math.abs(y - v) < 0.02)         (document.body.dataset.goal.split(' ').map(Number), {goal}.split(' ').map(Number))"
+    ))?;
+    tab.require("document.body.dataset.step === '0'")?;
+
+    // A link to an episode.
+    tab.wait("location.hash.includes('crowd=VO') && location.hash.includes('pedestrians=9')")?;
+    let link = tab.eval("location.href.replace(/episode=\\d+/, 'episode=6')")?;
+    tab.go("about:blank?")?;
+    tab.go(link.as_str().unwrap_or_default())?;
+    tab.wait("document.body.dataset.episode === '6' && document.body.dataset.pedestrians === '9'")
 }
 
 /// Clicks at one place after the other until something is dropped: some may be taken.

@@ -1,13 +1,15 @@
 //! `cargo xtask ci --web`: the replay page and the live page in a real browser, without a window.
 //!
-//! Reading order: [`replay_page`] and [`live_page`] (what is checked), [`tab`] (a page and a visitor's hands), [`devtools`]
+//! Reading order: [`replay_page`] and [`live_page`] (what is checked), [`access`] (without a mouse, without eyes), [`frames`] (how smoothly), [`tab`] (a page and a visitor's hands), [`devtools`]
 //! (the protocol), [`chromium`] (the program).
 //!
 //! Rejected: a crate for the whole DevTools protocol. The dozen calls that are made here need a WebSocket and JSON, which
 //! are there already.
 
+mod access;
 mod chromium;
 mod devtools;
+mod frames;
 mod live_page;
 mod replay_page;
 mod tab;
@@ -33,20 +35,24 @@ fn both_pages_work() -> Result<()> {
     std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
     let replay = replay_page::write(&folder)?;
     let live = live_page::serve()?;
+    let axe = access::axe()?;
     for (name, width, height) in SIZES {
         in_tab(
             &browser,
             &replay,
             (width, height),
             &folder.join(format!("replay-{name}.png")),
+            &axe,
             replay_page::check,
         )
         .with_context(|| format!("replay page, {name}"))?;
-        in_tab(&browser, &live, (width, height), &folder.join(format!("live-{name}.png")), live_page::check)
+        let picture = folder.join(format!("live-{name}.png"));
+        in_tab(&browser, &live, (width, height), &picture, &axe, live_page::check)
             .with_context(|| format!("live page, {name}"))?;
         note(&format!("web: both pages work at {width} × {height}"));
     }
     live_page::check_strangers(&live)?;
+    smoothly(&browser, &folder, &live)?;
     note(&format!("web: screenshots are in {}", folder.display()));
     Ok(())
 }
@@ -56,6 +62,7 @@ fn in_tab(
     url: &str,
     size: (u32, u32),
     picture: &Path,
+    axe: &str,
     check: fn(&mut Tab) -> Result<()>,
 ) -> Result<()> {
     let mut tab = Tab::open(browser, size)?;
@@ -63,5 +70,22 @@ fn in_tab(
     check(&mut tab)?;
     tab.check_legible()?;
     tab.check_quiet()?;
-    tab.screenshot(picture)
+    tab.screenshot(picture)?;
+    access::check_keyboard(&mut tab)?;
+    access::check_with_axe(&mut tab, axe)
+}
+
+/// Both pages with 20 pedestrians: the replay with two policies, the live page with one.
+fn smoothly(browser: &Chromium, folder: &Path, live: &str) -> Result<()> {
+    let (_, width, height) = SIZES[0];
+    let mut tab = Tab::open(browser, (width, height))?;
+    tab.go(&replay_page::write_crowded(folder)?)?;
+    tab.wait("document.body.dataset.playing === 'true' && Number(document.body.dataset.step) > 10")?;
+    frames::check(&mut tab, "replay page, 20 pedestrians, two policies")?;
+    tab.screenshot(&folder.join("replay-crowded.png"))?;
+    let mut tab = Tab::open(browser, (width, height))?;
+    tab.go(&format!("{live}#pedestrians=20"))?;
+    tab.wait("document.body.dataset.pedestrians === '20' && Number(document.body.dataset.step) > 30")?;
+    frames::check(&mut tab, "live page, 20 pedestrians")?;
+    tab.screenshot(&folder.join("live-crowded.png"))
 }

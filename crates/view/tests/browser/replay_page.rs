@@ -24,6 +24,15 @@ pub(super) fn write(folder: &Path) -> Result<String> {
     Ok(format!("file://{}", write_page(&page, &folder.join("replay"))?.display()))
 }
 
+/// Writes a page with two drivers among 20 pedestrians; its address.
+pub(super) fn write_crowded(folder: &Path) -> Result<String> {
+    let drivers = [Driver::planner(Planner::GoalSeeker), Driver::planner(Planner::Straight)];
+    let config = ArenaConfig { n_agents: 21, ..ArenaConfig::default() };
+    let protocol = Protocol::new(config, Pools::default())?;
+    let page = record(&protocol, &drivers, &[CrowdKind::Sf], &Wish::first(EPISODES))?.page;
+    Ok(format!("file://{}", write_page(&page, &folder.join("crowded"))?.display()))
+}
+
 /// A half circle of three beams from a robot that looks along y: to its right, ahead, to its left.
 const SECTOR: &str = "JSON.stringify(Scene.ends([1, 2, Math.PI / 2], { range: 10, start: -Math.PI / 2, step: Math.PI / 2 }, \
     [255, 51, 0]).map((end) => end.map((value) => Math.round(value * 1000)))) === '[[11000,2000],[1000,4000],[1000,2000]]'";
@@ -71,5 +80,30 @@ pub(super) fn check(tab: &mut Tab) -> Result<()> {
     tab.click("#theme")?;
     ensure!(tab.eval("document.documentElement.dataset.theme")? != theme, "light is as dark");
     tab.click("#theme")?;
-    tab.drag("#timeline", &[(0.6, 0.5)])
+    tab.drag("#timeline", &[(0.6, 0.5)])?;
+    check_link(tab)
+}
+
+/// A link leads to its moment: from another page, from this one, and where a filter hides the episode.
+fn check_link(tab: &mut Tab) -> Result<()> {
+    let moment =
+        "[document.body.dataset.crowd, document.body.dataset.episode, document.body.dataset.step].join(' ')";
+    let here = tab.eval(moment)?;
+    tab.click("#share")?;
+    tab.wait("document.getElementById('said').textContent.startsWith('The link to this moment')")?;
+    tab.wait("location.hash.includes('episode=') && location.hash.includes('t=')")?;
+    let link = tab.eval("location.href")?;
+    let link = link.as_str().unwrap_or_default();
+    tab.key("ArrowDown")?;
+    tab.key("End")?;
+    ensure!(tab.eval(moment)? != here, "another episode is the same moment");
+    tab.go("about:blank?")?;
+    tab.go(link)?;
+    let found = tab.eval(moment)?;
+    ensure!(found == here, "{link}: leads to {found}, not to {here}");
+    tab.require("document.body.dataset.playing === 'false'")?;
+    // Within the page, to the other crowd, while only pedestrians' collisions are listed.
+    tab.eval("location.hash = 'in=VO&episode=2&t=1.5&still=1'")?;
+    tab.wait(&format!("{moment} === 'VO 2 15'"))?;
+    tab.require("document.querySelector('#episodes [aria-current=true] .crowd').textContent === 'VO'")
 }

@@ -48,6 +48,17 @@ impl Tab {
         self.devtools.call(Some(&self.session), method, parameters)
     }
 
+    /// Processor time of each of the browser's processes since its start (s), by the process' number.
+    pub(super) fn processor_seconds(&mut self) -> Result<Vec<(u64, f64)>> {
+        let told = self.devtools.call(None, "SystemInfo.getProcessInfo", &json!({}))?;
+        let processes = told["processInfo"].as_array().context("a browser without processes")?;
+        processes
+            .iter()
+            .map(|process| process["id"].as_u64().zip(process["cpuTime"].as_f64()))
+            .collect::<Option<_>>()
+            .context("a process without a number or a time")
+    }
+
     /// Loads a page and waits until it is complete.
     pub(super) fn go(&mut self, url: &str) -> Result<()> {
         let went = self.call("Page.navigate", &json!({ "url": url }))?;
@@ -140,6 +151,11 @@ impl Tab {
         let text = if key.chars().count() == 1 { key } else { "" };
         for kind in ["keyDown", "keyUp"] {
             let mut event = json!({ "type": kind, "key": key });
+            // The browser itself acts on these, and knows them by their numbers.
+            if let Some(number) = [("Tab", 9), ("Enter", 13)].iter().find(|(name, _)| *name == key) {
+                event["code"] = key.into();
+                event["windowsVirtualKeyCode"] = number.1.into();
+            }
             if kind == "keyDown" && !text.is_empty() {
                 event["text"] = text.into();
             }

@@ -326,7 +326,7 @@ mod tests {
             [colour.red(), colour.green(), colour.blue()]
         };
         assert_eq!(rgb("laser"), [37, 99, 235]);
-        assert_eq!(rgb("SF"), [0xd0, 0x35, 0x7b]);
+        assert_eq!(rgb("SF"), [0xc2, 0x2d, 0x70]);
         assert_eq!(rgb("a-crowd-of-ones-own"), rgb("muted"));
         let others = ["floor", "wall", "slow", "fast", "back"].map(str::to_owned);
         let outcomes = Outcome::ALL.map(|outcome| outcome.to_string());
