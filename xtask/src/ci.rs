@@ -7,7 +7,7 @@
 //! installs once; where that cannot be had, the step is skipped and says so: what the book claims is tested anyway.
 
 use std::path::Path;
-use std::process::{Command, ExitCode};
+use std::process::{Command, ExitCode, Stdio};
 use std::time::Instant;
 
 use anyhow::{Context as _, Result, ensure};
@@ -123,6 +123,9 @@ const FEATURE_SETS: [&[&str]; 5] = [
     &["-p", "jostle-sim", "--features", "png"],
 ];
 
+/// Most bytes of the book's replay.
+const REPLAY_MAX: u64 = 1_000_000;
+
 /// The pages in a browser, which not every machine has.
 const WEB: Step = Step {
     name: "web",
@@ -223,7 +226,26 @@ fn build_book(mdbook: &Path) -> Result<()> {
         .status()
         .context("cannot start mdbook")?;
     ensure!(built.success(), "mdbook cannot build the documentation");
+    put_replay_into(&out)?;
     output::note(&format!("book: {}", out.join("index.html").display()));
+    Ok(())
+}
+
+/// The replay that the quick start shows: the first episode of each of the two crowds that need no policies, as the shipped policies of
+/// today drive it. It is simulated with the book, so that it is never older than they are.
+fn put_replay_into(book: &Path) -> Result<()> {
+    let this = std::env::current_exe().context("cannot name this program")?;
+    let folder = book.join("replay");
+    let made = Command::new(this)
+        .args(["demo", "--episodes", "1", "--no-open", "--out"])
+        .arg(&folder)
+        .stdout(Stdio::null())
+        .status()
+        .context("cannot start the demo")?;
+    ensure!(made.success(), "the demo cannot make the book's replay");
+    let page = folder.join("index.html");
+    let bytes = std::fs::metadata(&page).with_context(|| format!("cannot read {}", page.display()))?.len();
+    ensure!(bytes <= REPLAY_MAX, "{}: found {bytes} bytes, expected at most {REPLAY_MAX}", page.display());
     Ok(())
 }
 

@@ -139,6 +139,38 @@ fn published_crates_say_what_they_are() {
     }
 }
 
+/// RVO2 is under Apache-2.0: what is derived from it keeps its notice, file by file.
+#[test]
+fn what_is_ported_from_rvo2_keeps_its_notice() {
+    let folder = crate_folder("peds");
+    let notice = text(&folder.join("NOTICE"));
+    assert!(notice.contains("The files of `src/orca/` except `crowd.rs` are derived from the RVO2 Library"));
+    let files = sources(&folder.join("src/orca"));
+    assert!(files.len() > 8, "only {} files of the port were found", files.len());
+    for file in files.iter().filter(|file| !file.ends_with("crowd.rs")) {
+        for line in [
+            "//! SPDX-FileCopyrightText: 2008 University of North Carolina at Chapel Hill",
+            "//! SPDX-License-Identifier: Apache-2.0",
+        ] {
+            assert!(text(file).lines().any(|found| found == line), "{}: expected {line}", file.display());
+        }
+    }
+}
+
+/// Whoever cites, installs or depends on it reads the same version.
+#[test]
+fn there_is_one_version() {
+    let root: toml::Table = toml::from_str(&text(&workspace().join("Cargo.toml"))).unwrap();
+    let version = root["workspace"]["package"]["version"].as_str().unwrap();
+    let python: toml::Table = toml::from_str(&text(&workspace().join("pyproject.toml"))).unwrap();
+    assert_eq!(python["project"]["version"].as_str(), Some(version), "pyproject.toml");
+    let citation = text(&workspace().join("CITATION.cff"));
+    assert!(
+        citation.lines().any(|line| line == format!("version: {version}")),
+        "CITATION.cff: expected {version}"
+    );
+}
+
 #[test]
 fn anyhow_is_for_commands_only() {
     for (name, manifest) in manifests() {

@@ -2,10 +2,11 @@
 //!
 //! Reading order: this file (what is asked for), `plan` (rows and their training settings), `policies` (where policies
 //! come from), `cells` (episodes, each cell run once), `evaluator` (the study), `tables`, `planners`, `deployment`, `beyond`,
-//! `curves`, `paths` (what is printed), `training` and `hours` (`--train`), `page` (docs/reproduction.md, README.md). The small
+//! `curves`, `paths` (what is printed), `training` and `hours` (`--train`), `page` (docs/reproduction.md, README.md), `cards` (docs/model-cards.md). The small
 //! preset, which trains everything within minutes, is a thing of its own: `small`.
 
 mod beyond;
+mod cards;
 mod cells;
 mod curves;
 mod deployment;
@@ -146,7 +147,7 @@ enum Target {
     FigurePaths,
     /// All of these.
     All,
-    /// Fill docs/reproduction.md and README.md from the results.
+    /// Fill docs/reproduction.md and README.md from the results, and write docs/model-cards.md.
     Page,
     /// Bring the configuration of the safety-zone baseline into line with the base setting.
     Configs,
@@ -187,7 +188,10 @@ pub fn run(args: &ReproduceArgs, trainings: &dyn Trainings) -> Result<ExitCode> 
     let default_results = if args.train { args.runs.join("results") } else { workspace().join("results") };
     let results = args.out.clone().unwrap_or(default_results);
     match args.target {
-        Target::Page => page::fill_all(&results)?,
+        Target::Page => {
+            let checkpoints = args.checkpoints.clone().unwrap_or_else(manifest::default_folder);
+            page::fill_all(&results, &checkpoints)?;
+        }
         Target::Configs => Plan::store_safety_zone_file()?,
         target => study(args, target, &results, n_threads, trainings)?,
     }

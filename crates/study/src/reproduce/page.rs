@@ -1,4 +1,5 @@
-//! `docs/reproduction.md` and `README.md`: their tables are filled from `results/`, their prose is written by hand.
+//! `docs/reproduction.md` and `README.md`: their tables are filled from `results/`, their prose is written by hand;
+//! `docs/model-cards.md` is written whole ([`super::cards`]).
 //!
 //! README.md's own table is made of the stored ones ([`super::overview`]). A table is between `<!-- begin: NAME -->` and `<!-- end: NAME -->`: the file `results/NAME.md`. Figures are copied to
 //! `docs/images/`, as a book holds what is below its own folder alone.
@@ -7,6 +8,7 @@ use std::path::Path;
 
 use anyhow::{Context as _, Result, bail};
 
+use super::cards;
 use super::overview::overview;
 use jostle_runs::folder::read_optional;
 use jostle_runs::output::note;
@@ -29,8 +31,14 @@ const NOTHING: &str = "*Not run yet.*\n";
 const PAGES: [&str; 5] =
     ["docs/reproduction.md", "README.md", "docs/study.md", "docs/planners.md", "docs/how-to-dynamics.md"];
 
-/// Fills the pages from a folder of results.
-pub(super) fn fill_all(results: &Path) -> Result<()> {
+/// The page that is written whole.
+pub(super) const CARDS: &str = "docs/model-cards.md";
+
+/// Fills the pages from a folder of results, and writes the cards of the policies of a folder.
+pub(super) fn fill_all(results: &Path, checkpoints: &Path) -> Result<()> {
+    if let Some(cards) = cards::page(checkpoints, results)? {
+        write_atomically(&workspace().join(CARDS), &cards)?;
+    }
     for page in PAGES {
         fill(&workspace().join(page), results)?;
     }
@@ -39,7 +47,7 @@ pub(super) fn fill_all(results: &Path) -> Result<()> {
             write_atomically(&workspace().join("docs/images").join(to), &picture)?;
         }
     }
-    note(&format!("{}: filled from {}", PAGES.join(", "), results.display()));
+    note(&format!("{}, {CARDS}: filled from {}", PAGES.join(", "), results.display()));
     Ok(())
 }
 
