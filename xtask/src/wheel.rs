@@ -1,6 +1,6 @@
 //! `cargo xtask wheel`: the Python package as one file that `pip install` takes on any Linux of the last years.
 //!
-//! maturin builds it; on Linux zig links it against the C library of manylinux_2_28 (glibc 2.28: Debian 10, Ubuntu 18.10, RHEL 8), whatever
+//! maturin builds it; on Linux zig links it against the C library of `manylinux_2_28` (glibc 2.28: Debian 10, Ubuntu 18.10, RHEL 8), whatever
 //! the machine has. pip brings both into `target/python`. The wheel is for every Python from 3.11 on (the stable ABI).
 
 use std::path::{Path, PathBuf};

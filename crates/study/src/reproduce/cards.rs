@@ -251,7 +251,7 @@ fn files(policies: &[(&PolicyEntry, &RunEntry)]) -> String {
 
 /// Learned policies and planners among so many agents: success by crowd, then how episodes end.
 fn results_among(n_agents: usize, policies: &[(&PolicyEntry, &RunEntry)], tested: &Results) -> String {
-    let crowds = CrowdKind::PAPER.each_ref().map(|crowd| crowd.to_string());
+    let crowds = CrowdKind::PAPER.each_ref().map(ToString::to_string);
     let mut rates = Grid::new(["robot".to_owned()].into_iter().chain(crowds));
     let mut ends = Grid::new([
         "robot",

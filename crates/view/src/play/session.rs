@@ -300,7 +300,8 @@ mod tests {
         assert!(refused(Setup { policy: 1, ..setup(0) }).contains("expected less than 1"));
         let third = Session::new(&catalogue, Setup { episode: 2, ..setup(0) }).unwrap();
         let mut next = Session::new(&catalogue, setup(0)).unwrap();
-        (next.next().unwrap(), next.next().unwrap());
+        next.next().unwrap();
+        next.next().unwrap();
         assert_eq!((third.frame(), third.frame().episode), (next.frame(), 2), "an episode is where it is");
         assert!(refused(Setup { pedestrians: 41, ..setup(0) }).contains("at most 40"));
     }
