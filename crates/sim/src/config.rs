@@ -255,10 +255,10 @@ impl Default for BaseConfig {
 #[serde(deny_unknown_fields)]
 pub struct AccelerationLimits {
     /// Linear, m/s².
-    #[cfg_attr(feature = "schema", schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 1000000.0, "unit" = "m/s²")))]
+    #[cfg_attr(feature = "schema", schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 1_000_000.0, "unit" = "m/s²")))]
     pub v: f32,
     /// Angular, rad/s².
-    #[cfg_attr(feature = "schema", schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 1000000.0, "unit" = "rad/s²")))]
+    #[cfg_attr(feature = "schema", schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 1_000_000.0, "unit" = "rad/s²")))]
     pub w: f32,
 }
 
@@ -444,19 +444,19 @@ impl Default for SpawnConfig {
 #[serde(deny_unknown_fields, default)]
 pub struct RewardConfig {
     /// Reward of reaching the goal.
-    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 1000000.0)))]
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 1_000_000.0)))]
     pub goal: f32,
     /// Reward (a negative number) of a crash.
-    #[cfg_attr(feature = "schema", schemars(extend("minimum" = -1000000.0, "maximum" = 0.0)))]
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = -1_000_000.0, "maximum" = 0.0)))]
     pub collision: f32,
     /// Per metre of progress towards the goal.
-    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 1000000.0)))]
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 1_000_000.0)))]
     pub progress: f32,
     /// Per rad/s of turning faster than the threshold (a negative number).
-    #[cfg_attr(feature = "schema", schemars(extend("minimum" = -1000000.0, "maximum" = 0.0)))]
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = -1_000_000.0, "maximum" = 0.0)))]
     pub rotation: f32,
     /// Turning rate above which rotation counts, rad/s.
-    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 1000000.0, "unit" = "rad/s")))]
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 1_000_000.0, "unit" = "rad/s")))]
     pub rotation_threshold: f32,
     /// Switch: the safety-zone baseline (Jin-style).
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -485,7 +485,7 @@ pub struct SafetyZoneConfig {
     #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 1000.0, "unit" = "m")))]
     pub ego_radius: f32,
     /// Weight of the ego term `w_e`, per metre and step.
-    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 1000000.0)))]
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 1_000_000.0)))]
     pub ego_weight: f32,
     /// Radius of a standing body's social zone, m.
     #[cfg_attr(feature = "schema", schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 1000.0, "unit" = "m")))]
@@ -494,7 +494,7 @@ pub struct SafetyZoneConfig {
     #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 1000.0, "unit" = "s")))]
     pub social_horizon: f32,
     /// Weight of the social term `w_s`, per unit of overlap and step.
-    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 1000000.0)))]
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 1_000_000.0)))]
     pub social_weight: f32,
 }
 

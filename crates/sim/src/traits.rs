@@ -84,7 +84,7 @@ pub struct TrainingCrowd {
     pub walk_on: bool,
     /// Mean time after which a member that walks on changes its goal on the way, s; 0 never.
     /// Default 0.
-    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 1000000.0, "unit" = "s")))]
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 1_000_000.0, "unit" = "s")))]
     pub new_goal_every: f32,
     /// Turns a member that gets a new goal on the way to it at once. Default false.
     pub turn_at_once: bool,
