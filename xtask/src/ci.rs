@@ -67,7 +67,7 @@ enum Verdict {
 }
 
 impl Verdict {
-    fn of(passed: bool) -> Self {
+    fn from_passed(passed: bool) -> Self {
         if passed { Self::Passed } else { Self::Failed }
     }
 
@@ -184,11 +184,15 @@ fn checks(args: &CiArgs) -> Vec<Check<'static>> {
     }
     if args.python {
         let steps = python::STEPS.iter();
-        checks.extend(steps.map(|(name, work)| -> Check { (name, Box::new(|| Ok(Verdict::of(work()?)))) }));
+        checks.extend(
+            steps.map(|(name, work)| -> Check { (name, Box::new(|| Ok(Verdict::from_passed(work()?)))) }),
+        );
     }
     if args.ros {
         let steps = ros::STEPS.iter();
-        checks.extend(steps.map(|(name, work)| -> Check { (name, Box::new(|| Ok(Verdict::of(work()?)))) }));
+        checks.extend(
+            steps.map(|(name, work)| -> Check { (name, Box::new(|| Ok(Verdict::from_passed(work()?)))) }),
+        );
     }
     if checks.is_empty() {
         checks.extend(STEPS.iter().map(|step| -> Check { (step.name, Box::new(|| run_step(step))) }));
@@ -203,7 +207,7 @@ fn told(outcome: &Result<()>) -> Verdict {
     if let Err(error) = outcome {
         output::note(&format!("error: {}", output::one_line(error)));
     }
-    Verdict::of(outcome.is_ok())
+    Verdict::from_passed(outcome.is_ok())
 }
 
 fn build_book_if_possible() -> Verdict {
@@ -250,7 +254,7 @@ fn put_replay_into(book: &Path) -> Result<()> {
 }
 
 fn run_step(step: &Step) -> Result<Verdict> {
-    cargo(step.name, step.arguments, step.environment).map(Verdict::of)
+    cargo(step.name, step.arguments, step.environment).map(Verdict::from_passed)
 }
 
 fn check_feature_sets() -> Result<Verdict> {

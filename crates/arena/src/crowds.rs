@@ -28,7 +28,7 @@ impl Pools {
     /// The policies that drive `n_pedestrians` of a crowd, in their order; empty for crowds without.
     ///
     /// Pedestrian i is driven by policy i modulo the pool's length; policies beyond the pedestrians are not used.
-    pub fn of(&self, crowd: CrowdKind, n_pedestrians: usize) -> &[LoadedPolicy] {
+    pub fn drivers(&self, crowd: CrowdKind, n_pedestrians: usize) -> &[LoadedPolicy] {
         let pool = match crowd {
             CrowdKind::Nh | CrowdKind::In | CrowdKind::Va | CrowdKind::CrossPlay => &self.full[..],
             CrowdKind::So => &self.half,
@@ -40,7 +40,11 @@ impl Pools {
     /// The report's note on a crowd's pool; `None` for crowds without.
     pub fn note(&self, crowd: CrowdKind, n_pedestrians: usize) -> Option<PoolNote> {
         crowd.is_learned().then(|| PoolNote {
-            policies: self.of(crowd, n_pedestrians).iter().map(|policy| policy.identity.clone()).collect(),
+            policies: self
+                .drivers(crowd, n_pedestrians)
+                .iter()
+                .map(|policy| policy.identity.clone())
+                .collect(),
             n_pedestrians,
         })
     }
@@ -87,7 +91,7 @@ pub fn make_crowd(
         CrowdKind::Straight | CrowdKind::StopAndGo => Box::new(WalkersCrowd::new(kind)?),
         CrowdKind::Nh | CrowdKind::In | CrowdKind::Va | CrowdKind::So | CrowdKind::CrossPlay => {
             // An empty room needs no policies, but the crowd must exist.
-            let pool = pools.of(kind, config.n_pedestrians().max(1));
+            let pool = pools.drivers(kind, config.n_pedestrians().max(1));
             if pool.is_empty() {
                 return Err(ArenaError::EmptyPool { crowd: kind });
             }

@@ -6,7 +6,7 @@ use anyhow::Result;
 use jostle_ppo::Config;
 use jostle_study::reproduce::Trainings;
 
-use crate::sweep::{self, slurm::SlurmPlan};
+use crate::sweep::{self, slurm_options::SlurmPlan};
 use crate::train::{Care, train};
 
 /// Trains in this process, or submits to this machine's Slurm.

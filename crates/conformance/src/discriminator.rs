@@ -23,7 +23,7 @@ pub(crate) fn check(tensors: &Tensors, backend: Backend, verdict: &mut Verdict) 
         .collect();
     let state_action = check_one(tensors, "state_action", width + 2, &rows, backend, verdict)?;
     if let (Some(state), Some(state_action)) = (state, state_action) {
-        let reward = |(sa, s): (&f64, &f64)| IntrinsicReward::Difference.of(*sa, *s, false, 1) as f32;
+        let reward = |(sa, s): (&f64, &f64)| IntrinsicReward::Difference.value(*sa, *s, false, 1) as f32;
         let rewards: Vec<f32> = state_action.iter().zip(&state).map(reward).collect();
         compare(tensors, "intrinsic_reward", &rewards, verdict)?;
     }

@@ -26,7 +26,13 @@ impl IntrinsicReward {
     ///
     /// With `add_log_m`, log M = −log p(z) of the uniform prior is added to `StateAction` and `State` (as DIAYN does),
     /// so that a discriminator that knows nothing gives 0. In `Difference` the priors cancel, and `None` stays 0.
-    pub fn of(self, log_q_state_action: f64, log_q_state: f64, add_log_m: bool, n_behaviours: usize) -> f64 {
+    pub fn value(
+        self,
+        log_q_state_action: f64,
+        log_q_state: f64,
+        add_log_m: bool,
+        n_behaviours: usize,
+    ) -> f64 {
         let prior = if add_log_m { (n_behaviours as f64).ln() } else { 0.0 };
         match self {
             Self::Difference => log_q_state_action - log_q_state,
@@ -44,17 +50,17 @@ mod tests {
     #[test]
     fn each_variant_by_hand() {
         let (sa, s) = (-0.5, -1.25);
-        assert_eq!(IntrinsicReward::Difference.of(sa, s, false, 5), 0.75);
-        assert_eq!(IntrinsicReward::Difference.of(sa, s, true, 5), 0.75);
-        assert_eq!(IntrinsicReward::StateAction.of(sa, s, false, 5), -0.5);
-        assert_eq!(IntrinsicReward::State.of(sa, s, false, 5), -1.25);
-        assert_eq!(IntrinsicReward::None.of(sa, s, true, 5), 0.0);
+        assert_eq!(IntrinsicReward::Difference.value(sa, s, false, 5), 0.75);
+        assert_eq!(IntrinsicReward::Difference.value(sa, s, true, 5), 0.75);
+        assert_eq!(IntrinsicReward::StateAction.value(sa, s, false, 5), -0.5);
+        assert_eq!(IntrinsicReward::State.value(sa, s, false, 5), -1.25);
+        assert_eq!(IntrinsicReward::None.value(sa, s, true, 5), 0.0);
     }
 
     #[test]
     fn with_log_m_a_guess_is_worth_nothing() {
         let guess = -(5.0_f64.ln());
-        assert_eq!(IntrinsicReward::StateAction.of(guess, 0.0, true, 5), 0.0);
-        assert_eq!(IntrinsicReward::State.of(0.0, guess, true, 5), 0.0);
+        assert_eq!(IntrinsicReward::StateAction.value(guess, 0.0, true, 5), 0.0);
+        assert_eq!(IntrinsicReward::State.value(0.0, guess, true, 5), 0.0);
     }
 }

@@ -76,7 +76,7 @@ impl Protocol {
     pub fn key(&self, subject: Subject<'_>, crowd: impl Into<CrowdName>) -> CellKey {
         let crowd = crowd.into();
         let n_pedestrians = self.config.n_pedestrians();
-        let pool = crowd.built_in().map_or(&[][..], |kind| self.pools.of(kind, n_pedestrians));
+        let pool = crowd.built_in().map_or(&[][..], |kind| self.pools.drivers(kind, n_pedestrians));
         CellKey {
             protocol_version: PROTOCOL_VERSION,
             policy: subject.identity.sha256.clone(),

@@ -39,7 +39,7 @@ fn a_file_is_known_by_its_bytes_and_its_provenance() {
 fn so_has_the_half_trained_policies_and_a_short_pool_is_said() {
     let pools = pools();
     let seeds = |crowd, n_pedestrians| -> Vec<u64> {
-        pools.of(crowd, n_pedestrians).iter().map(|policy| policy.identity.seed.unwrap()).collect()
+        pools.drivers(crowd, n_pedestrians).iter().map(|policy| policy.identity.seed.unwrap()).collect()
     };
     for crowd in [CrowdKind::Nh, CrowdKind::In, CrowdKind::Va] {
         assert_eq!(seeds(crowd, ArenaConfig::default().n_pedestrians()), [1, 2, 3, 4]);

@@ -393,7 +393,7 @@ impl Trainer {
         for row in 0..rollout.len() {
             let token = rollout.tokens()[row];
             let (sa, s) = (log_q(on_state_action, row, token), log_q(on_state, row, token));
-            rollout.intrinsic[row] = self.config.intrinsic_reward.of(sa, s, self.config.add_log_m, m);
+            rollout.intrinsic[row] = self.config.intrinsic_reward.value(sa, s, self.config.add_log_m, m);
         }
     }
 

@@ -14,9 +14,10 @@ use std::path::Path;
 
 mod check;
 mod load;
+mod population;
 
-use crate::population::PopulationConfig;
 pub(crate) use check::refuse;
+pub use population::PopulationConfig;
 
 /// Keys that do not change the learning curve: they are part of neither the hash nor a checkpoint.
 const KEYS_WITHOUT_EFFECT: [&str; 3] = ["updates", "checkpoint_every", "threads"];

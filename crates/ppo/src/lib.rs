@@ -27,7 +27,7 @@ pub mod rollout;
 
 pub use algorithm1::Trainer;
 pub use behaviours::BehaviourReport;
-pub use config::{AlphaWeighs, Config, NetworkSection};
+pub use config::{AlphaWeighs, Config, NetworkSection, PopulationConfig};
 pub use error::PpoError;
-pub use population::{OpponentRecord, PopulationConfig};
+pub use population::OpponentRecord;
 pub use report::{Clock, UpdateReport};

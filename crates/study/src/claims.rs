@@ -46,7 +46,7 @@ pub enum Measure {
 
 impl Measure {
     /// The value of an episode; `None` where it has none.
-    pub fn of(self, episode: &jostle_eval::compact::CompactEpisode) -> Option<f64> {
+    pub fn value(self, episode: &jostle_eval::compact::CompactEpisode) -> Option<f64> {
         let is = |outcomes: &[Outcome]| f64::from(u8::from(outcomes.contains(&episode.outcome)));
         let collision = is(&[Outcome::CollisionWall, Outcome::CollisionPedestrian]);
         match self {

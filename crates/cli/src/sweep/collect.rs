@@ -11,7 +11,8 @@ use jostle_eval::statistics::{Contrast, Permutation, wilson};
 use jostle_ppo::UpdateReport;
 use jostle_ppo::report::EpisodeCounts;
 
-use super::plan::{Plan, Task};
+use super::plan::Plan;
+use super::spec::Task;
 use super::task::Stage;
 use jostle_runs::log::RunLog;
 use jostle_runs::run_folder::write_atomically;
@@ -20,7 +21,7 @@ use jostle_view::draw;
 
 /// Writes table and figure into a folder, by default that of the runs, and returns the table for a terminal.
 pub(super) fn store(plan: &Plan, folder: Option<&Path>) -> Result<String> {
-    let table = Table::of(plan)?;
+    let table = Table::new(plan)?;
     let folder = folder.unwrap_or(&plan.out);
     std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
     let grid = table.grid();
@@ -96,7 +97,7 @@ struct Table<'p> {
 const NOT_LEARNED: &str = "not learned";
 
 impl<'p> Table<'p> {
-    fn of(plan: &'p Plan) -> Result<Self> {
+    fn new(plan: &'p Plan) -> Result<Self> {
         let mut points = Vec::new();
         for task in &plan.tasks {
             points_of(plan, task, &mut points)?;
@@ -409,7 +410,7 @@ impl Point<'_> {
 
 /// The points of a run: what was tested, each milestone that it has reached, and its newest update.
 fn points_of<'p>(plan: &Plan, task: &'p Task, points: &mut Vec<Point<'p>>) -> Result<()> {
-    let stage = Stage::of(plan, task)?;
+    let stage = Stage::read(plan, task)?;
     if !task.folder.join("config.toml").is_file() {
         points.push(Point {
             task,

@@ -9,8 +9,8 @@ use jostle_eval::report::Evaluation;
 use jostle_ppo::Config;
 use toml::{Table, Value};
 
-use super::plan::Task;
 use super::section::{Section, nearest, shown};
+use super::spec::Task;
 use crate::evaluate::{EvaluateArgs, evaluate};
 use jostle_runs::folder::{checkpoint_path, read_optional};
 use jostle_runs::output::note;

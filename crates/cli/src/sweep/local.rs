@@ -12,7 +12,8 @@ use anyhow::{Context as _, Result};
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 
 use super::collect;
-use super::plan::{Plan, Task};
+use super::plan::Plan;
+use super::spec::Task;
 use super::task::{Stage, last_line, log_path};
 use jostle_runs::output::{self, note};
 use jostle_runs::progress::clock;
@@ -30,7 +31,7 @@ pub(super) fn run(plan: &Plan, jobs: usize) -> Result<ExitCode> {
     let mut waiting = VecDeque::new();
     let (mut done, mut elsewhere) = (0, Vec::new());
     for task in &plan.tasks {
-        match Stage::of(plan, task)? {
+        match Stage::read(plan, task)? {
             Stage::Done => done += 1,
             Stage::Running => elsewhere.push(task.name.as_str()),
             Stage::Waiting | Stage::Stopped | Stage::Trained => waiting.push_back(task),
@@ -101,7 +102,7 @@ pub(super) fn lines(plan: &Plan) -> Result<String> {
     let program = std::env::current_exe().context("cannot find this program")?;
     let mut text = String::new();
     for task in &plan.tasks {
-        if Stage::of(plan, task)? != Stage::Done {
+        if Stage::read(plan, task)? != Stage::Done {
             let (program, path) = (quote(&program.to_string_lossy()), quote(&plan.path.to_string_lossy()));
             write!(text, "{program} sweep task {path} {}", quote(&task.name))?;
             writeln!(text, " --threads {}", plan.threads.unwrap_or(1))?;

@@ -15,7 +15,7 @@
 //! OUT/slurm/                     what was submitted to a cluster
 //! ```
 //!
-//! Reading order: [`plan`] (the file; [`section`] reads it key by key), [`task`] (one run), [`local`] (processes on this
+//! Reading order: [`plan`] (the file; [`section`] reads it key by key), [`spec`] and [`task`] (one run), [`local`] (processes on this
 //! machine), [`slurm`] (jobs of a cluster), [`status`], [`collect`] (the table), [`evaluation`].
 
 mod collect;
@@ -23,7 +23,9 @@ mod evaluation;
 mod local;
 mod plan;
 mod section;
-pub(crate) mod slurm;
+mod slurm;
+pub(crate) mod slurm_options;
+mod spec;
 mod status;
 mod task;
 
@@ -36,7 +38,7 @@ use clap::{Args, Subcommand};
 use jostle_ppo::Config;
 
 use self::plan::Plan;
-use self::slurm::SlurmPlan;
+use self::slurm_options::SlurmPlan;
 use jostle_runs::output;
 
 /// Arguments of `sweep`.

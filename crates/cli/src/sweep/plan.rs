@@ -37,7 +37,8 @@ use jostle_ppo::Config;
 
 use super::evaluation::EvaluationPlan;
 use super::section::Section;
-use super::slurm::SlurmPlan;
+use super::slurm_options::SlurmPlan;
+use super::spec::Task;
 use crate::train::CHECKPOINT_MINUTES;
 use crate::train::Care;
 use jostle_runs::folder::read_optional;
@@ -69,18 +70,6 @@ pub(super) struct Plan {
     pub(super) evaluation: Option<EvaluationPlan>,
     /// Slurm's options for a run.
     pub(super) slurm: SlurmPlan,
-}
-
-/// One run.
-#[derive(Debug, Clone)]
-pub(super) struct Task {
-    /// Such as `m5-seed1`: the name of its folder.
-    pub(super) name: String,
-    pub(super) variant: String,
-    pub(super) config: Config,
-    pub(super) folder: PathBuf,
-    /// Transitions after which its policy is kept.
-    pub(super) milestones: Vec<u64>,
 }
 
 impl Plan {

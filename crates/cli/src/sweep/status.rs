@@ -16,7 +16,7 @@ pub(super) fn table(plan: &Plan) -> Result<String> {
     let queued = slurm::queued(plan)?;
     let mut counts = std::collections::BTreeMap::new();
     for task in &plan.tasks {
-        let stage = Stage::of(plan, task)?;
+        let stage = Stage::read(plan, task)?;
         *counts.entry(stage.word()).or_insert(0) += 1;
         let waits = matches!(stage, Stage::Waiting | Stage::Stopped | Stage::Trained);
         let queued = queued.get(&task.name).filter(|_| waits);

@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use clap::Args;
 
-use super::plan::{Plan, Task};
+use super::plan::Plan;
+use super::spec::Task;
 use crate::train::train;
 use jostle_runs::folder::is_run_folder;
 use jostle_runs::run_folder::{RunFolder, is_locked, latest_update};
@@ -49,7 +50,7 @@ pub(super) enum Stage {
 
 impl Stage {
     /// In the folder of the run.
-    pub(super) fn of(plan: &Plan, task: &Task) -> Result<Self> {
+    pub(super) fn read(plan: &Plan, task: &Task) -> Result<Self> {
         if is_locked(&task.folder)? {
             return Ok(Self::Running);
         }

@@ -213,7 +213,7 @@ impl ClaimTester<'_> {
                 .iter()
                 .map(|site| {
                     let values: Vec<f64> =
-                        run.sites.get(*site)?.iter().filter_map(|episode| measure.of(episode)).collect();
+                        run.sites.get(*site)?.iter().filter_map(|episode| measure.value(episode)).collect();
                     (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
                 })
                 .collect();
@@ -281,7 +281,8 @@ impl ClaimTester<'_> {
             let draws = &mut self.draws;
             let means = self.means.entry(key).or_insert_with(|| {
                 let n = episodes.len();
-                let values: Vec<Option<f64>> = episodes.iter().map(|episode| measure.of(episode)).collect();
+                let values: Vec<Option<f64>> =
+                    episodes.iter().map(|episode| measure.value(episode)).collect();
                 draws.entry(n).or_insert_with(|| EpisodeDraws::new(n, ROUNDS)).means(&values)
             });
             for (sum, mean) in sum.iter_mut().zip(means) {

@@ -125,7 +125,10 @@ fn cells(sites: &Sites, names: &[&str], measure: Measure) -> Vec<Option<PooledCe
                 episodes.len() as u64,
             )
         } else {
-            SeedValue::mean(0, &episodes.iter().filter_map(|episode| measure.of(episode)).collect::<Vec<_>>())
+            SeedValue::mean(
+                0,
+                &episodes.iter().filter_map(|episode| measure.value(episode)).collect::<Vec<_>>(),
+            )
         };
         Some(PooledCell::from_seeds(vec![value], measure == Measure::Success))
     };

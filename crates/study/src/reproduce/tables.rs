@@ -362,7 +362,7 @@ fn seed_value(run: &SeedRun, site: &str, measure: Measure) -> Option<SeedValue> 
         let successes = episodes.iter().filter(|episode| episode.outcome == Outcome::Success).count();
         return Some(SeedValue::rate(run.seed, successes as u64, episodes.len() as u64));
     }
-    let values: Vec<f64> = episodes.iter().filter_map(|episode| measure.of(episode)).collect();
+    let values: Vec<f64> = episodes.iter().filter_map(|episode| measure.value(episode)).collect();
     Some(SeedValue::mean(run.seed, &values))
 }
 

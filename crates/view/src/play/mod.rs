@@ -114,7 +114,7 @@ fn catalogue(args: &PlayArgs) -> Result<Catalogue> {
         }
     }
     let pools = if args.pool.is_empty() { Pools::default() } else { learned(args)? };
-    let has = |crowd: &CrowdKind| !crowd.is_learned() || !pools.of(*crowd, 1).is_empty();
+    let has = |crowd: &CrowdKind| !crowd.is_learned() || !pools.drivers(*crowd, 1).is_empty();
     let crowds = CrowdKind::built_in().filter(has).collect();
     Ok(Catalogue { drivers, pools, crowds })
 }

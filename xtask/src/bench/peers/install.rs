@@ -7,9 +7,8 @@ use anyhow::{Context as _, Result, anyhow, bail};
 
 use super::contest::{Contest, Peer};
 use super::side::Side;
-use super::{PeersArgs, packages};
+use super::{PeersArgs, packages, peers_folder};
 use jostle_runs::output::note;
-use jostle_runs::provenance;
 
 /// The packages asked of the package index: name and version. PyTorch's is the one whose figures the project quotes.
 const PINNED: [(&str, &str); 3] = [("torch", "2.8.0"), ("ir-sim", "2.12.0"), ("vmas", "1.5.2")];
@@ -34,7 +33,7 @@ impl<'a> Installed<'a> {
     ///
     /// # Errors
     /// Why it cannot be measured, for one line.
-    pub(super) fn of(&mut self, peer: Peer) -> Result<()> {
+    pub(super) fn install(&mut self, peer: Peer) -> Result<()> {
         if self.ready.contains(&peer) {
             return Ok(());
         }
@@ -126,11 +125,6 @@ impl<'a> Installed<'a> {
         build.arg("-o").arg(self.rvo2_driver());
         succeed(&mut build, &format!("{compiler} cannot build RVO2 with our driver"))
     }
-}
-
-/// Folder of our drivers of other software.
-pub(super) fn peers_folder() -> PathBuf {
-    provenance::workspace().join("crates/bench/peers")
 }
 
 /// The commit of a checkout that is a repository by itself.

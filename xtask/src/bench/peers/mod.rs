@@ -60,7 +60,7 @@ pub(super) fn run(args: &PeersArgs) -> Result<()> {
     let mut all = Vec::new();
     for contest in contests {
         // A peer that cannot be had or fails costs its rows, not those of the others.
-        match installed.of(contest.peer).and_then(|()| measure(contest, args.rounds, &installed)) {
+        match installed.install(contest.peer).and_then(|()| measure(contest, args.rounds, &installed)) {
             Ok(measured) => {
                 output::note(&measured.line());
                 all.push(measured);
@@ -99,6 +99,11 @@ fn measure(contest: Contest, rounds: u32, installed: &Installed<'_>) -> Result<M
         }
     }
     Ok(measured)
+}
+
+/// Folder of our drivers of other software.
+fn peers_folder() -> PathBuf {
+    provenance::workspace().join("crates/bench/peers")
 }
 
 /// The Python packages that a peer must have; empty if it needs no Python.

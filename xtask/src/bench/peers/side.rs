@@ -11,7 +11,7 @@ use jostle_bench::Round;
 use serde::Deserialize;
 
 use super::contest::Contest;
-use super::install::peers_folder;
+use super::peers_folder;
 
 /// Simulated seconds of a round of Stage.
 const STAGE_SECONDS: f64 = 120.0;
