@@ -113,6 +113,31 @@ fn a_sweep_trains_tests_and_collects_and_a_second_call_does_nothing() {
 }
 
 #[test]
+fn unfinished_runs_are_tested_and_compared_where_all_have_come() {
+    let folder = tempfile::tempdir().unwrap();
+    let tests = "[evaluate]\ncrowds = [\"VO\"]\nepisodes = 2\nagents = 3\nmilestones = true\n";
+    // One variant is trained to its end, the other to the milestone of 64 transitions; an update is 32.
+    let short = plan(folder.path(), "milestones = [64]\nupdates = 3", "");
+    accepted(&["sweep", "task", text(&short), "m1-seed1"]);
+    refused(&["sweep", "task", text(&short), "m1-seed1", "--only-tests"], &["no [evaluate]"]);
+    let long = plan(folder.path(), "milestones = [64]\nupdates = 6", tests);
+    accepted(&["sweep", "task", text(&long), "m2-seed1"]);
+    refused(&["sweep", "task", text(&long), "m1-seed2", "--only-tests"], &["no run in"]);
+    accepted(&["sweep", "task", text(&long), "m1-seed1", "--only-tests"]);
+    let run = folder.path().join("runs/m1-seed1");
+    assert!(run.join("checkpoints/000003.safetensors").is_file());
+    assert!(!run.join("checkpoints/000006.safetensors").exists(), "nothing is trained");
+    let printed = accepted(&["sweep", "collect", text(&long)]);
+    assert!(printed.contains("after 0.0 million transitions, the furthest"), "{printed}");
+    let summary = fs::read_to_string(folder.path().join("runs/summary.md")).unwrap();
+    let compared = summary.split_once("| variant | seeds |").unwrap().1;
+    assert!(compared.contains("| m1 | 1 | ") && compared.contains("| m2 | 1 | "), "{summary}");
+    accepted(&["sweep", "task", text(&long), "m1-seed1"]);
+    let printed = accepted(&["sweep", "collect", text(&long)]);
+    assert!(printed.contains("at the end of training"), "{printed}");
+}
+
+#[test]
 fn a_milestone_is_the_policy_of_its_update() {
     let folder = tempfile::tempdir().unwrap();
     let plan = plan(folder.path(), "milestones = [64, 65, 128]\nset = [\"updates=8\"]", "");

@@ -32,7 +32,9 @@ pub(super) fn store(plan: &Plan, folder: Option<&Path>) -> Result<String> {
     );
     let comparison = table.comparison();
     let compared = |page: String, shown: fn(&Grid) -> String| match &comparison {
-        Some(comparison) => [&page, "\n", &shown(comparison), "\n", COMPARED].concat(),
+        Some(comparison) => {
+            [&page, "\n", &shown(comparison), "\n", &compared_note(table.compared_at())].concat()
+        }
         None => page,
     };
     let markdown = compared(format!("{}\n{note}", grid.markdown()), Grid::markdown);
@@ -51,10 +53,22 @@ pub(super) fn store(plan: &Plan, folder: Option<&Path>) -> Result<String> {
 /// The note below the summary.
 const AVERAGED: &str = "Means over the training seeds; in brackets the least and the greatest seed's average. Own: success of training \
                         episodes, among the run's own kind.\n";
-/// The note below the comparison of variants.
-const COMPARED: &str = "Averages over the crowds at the end of training, a value for each training seed. Differences are from the first \
-                        variant, with Welch's 95 % interval; p is that of the exact permutation test, in brackets the least \
-                        that so many seeds can give.\n";
+/// The note below the comparison of variants, made after so many transitions.
+fn compared_note(at: Option<u64>) -> String {
+    let when = at.map_or_else(
+        || "at the end of training".to_owned(),
+        |at| {
+            format!(
+                "after {:.1} million transitions, the furthest that all variants have come",
+                at as f64 / 1e6
+            )
+        },
+    );
+    format!(
+        "Averages over the crowds {when}, a value for each training seed. Differences are from the first variant, with \
+         Welch's 95 % interval; p is that of the exact permutation test, in brackets the least that so many seeds can give.\n"
+    )
+}
 
 /// A policy of a run, or where it stands now.
 struct Point<'p> {
@@ -175,11 +189,37 @@ impl<'p> Table<'p> {
         names
     }
 
-    /// The average of each seed of a variant whose training is done.
-    fn averages(&self, variant: &str) -> Vec<f64> {
-        let ended =
-            |point: &&Point<'_>| point.task.variant == variant && point.updates == point.task.config.updates;
-        self.points.iter().filter(ended).filter_map(|point| self.average(point.evaluation.as_ref())).collect()
+    /// Number of transitions at which variants are compared: the furthest at which all that have been
+    /// tested at all were tested; `None` where all have been tested at the end of their training.
+    fn compared_at(&self) -> Option<u64> {
+        let tested = |variant: &str| {
+            let of_variant = |point: &&Point<'_>| point.task.variant == variant && point.evaluation.is_some();
+            let points: Vec<&Point<'_>> = self.points.iter().filter(of_variant).collect();
+            points
+        };
+        let all: Vec<Vec<&Point<'_>>> =
+            self.variants().into_iter().map(tested).filter(|points| !points.is_empty()).collect();
+        let has_ended = |point: &&Point<'_>| point.updates == point.task.config.updates;
+        if all.iter().all(|points| points.iter().any(has_ended)) {
+            return None;
+        }
+        let reached = |at: u64| all.iter().all(|points| points.iter().any(|point| point.transitions == at));
+        let known: BTreeSet<u64> = all.iter().flatten().map(|point| point.transitions).collect();
+        known.into_iter().rev().find(|&at| reached(at))
+    }
+
+    /// The average of each seed of a variant after so many transitions; by default those whose training
+    /// is done.
+    fn averages(&self, variant: &str, at: Option<u64>) -> Vec<f64> {
+        let chosen = |point: &&Point<'_>| {
+            let there = at.map_or(point.updates == point.task.config.updates, |at| point.transitions == at);
+            point.task.variant == variant && there
+        };
+        self.points
+            .iter()
+            .filter(chosen)
+            .filter_map(|point| self.average(point.evaluation.as_ref()))
+            .collect()
     }
 
     /// Each variant after as many transitions, over its seeds, and the planners; `None` where nothing was tested.
@@ -229,10 +269,11 @@ impl<'p> Table<'p> {
         Some(grid)
     }
 
-    /// The variants compared at the end of training; `None` where fewer than two have been tested.
+    /// The variants compared; `None` where fewer than two have been tested.
     fn comparison(&self) -> Option<Grid> {
+        let at = self.compared_at();
         let all: Vec<(&str, Vec<f64>)> =
-            self.variants().into_iter().map(|name| (name, self.averages(name))).collect();
+            self.variants().into_iter().map(|name| (name, self.averages(name, at))).collect();
         if all.iter().filter(|(_, averages)| !averages.is_empty()).count() < 2 {
             return None;
         }

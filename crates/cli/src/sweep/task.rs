@@ -4,7 +4,7 @@ use std::io::Read as _;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use clap::Args;
 
 use super::plan::Plan;
@@ -25,6 +25,9 @@ pub(super) struct TaskArgs {
     /// Worker threads (default: the plan's, else all cores). The result does not depend on it.
     #[arg(long, value_name = "N")]
     threads: Option<NonZeroUsize>,
+    /// Test the policies that are there, milestones of unfinished runs among them, and train nothing.
+    #[arg(long, conflicts_with = "wait")]
+    only_tests: bool,
     /// Wait where another process works in the run's folder, instead of failing.
     #[arg(long)]
     wait: bool,
@@ -90,7 +93,19 @@ pub(super) fn run(args: &TaskArgs) -> Result<()> {
     config.threads = n_threads.unwrap_or(config.threads);
     let mut care = plan.care(task)?;
     care.wait = args.wait;
-    train(&config, &task.folder, true, &task.name, &care)?;
+    if !args.only_tests {
+        train(&config, &task.folder, true, &task.name, &care)?;
+    } else if plan.evaluation.is_none() || !is_run_folder(&task.folder) {
+        bail!(
+            "{}: --only-tests: found {}, expected a plan with [evaluate] and a run that has begun",
+            args.plan.display(),
+            if plan.evaluation.is_none() {
+                "no [evaluate]".to_owned()
+            } else {
+                format!("no run in {}", task.folder.display())
+            },
+        );
+    }
     if let Some(evaluation) = &plan.evaluation {
         let _held = RunFolder::open(&task.folder, args.wait)?;
         stop::anywhere();
