@@ -102,7 +102,7 @@ pub(crate) struct RowSpec {
 }
 
 /// All rows.
-pub(crate) const ROWS: [RowSpec; 15] = [
+pub(crate) const ROWS: [RowSpec; 16] = [
     row(
         "m1",
         "m1",
@@ -141,6 +141,7 @@ pub(crate) const ROWS: [RowSpec; 15] = [
     row("safety-zone", SAFETY_ZONE, 5_000, &["Table 4: Safe"]),
     strong_row(STRONG, 5, &["the strong policy, N = 5"]),
     strong_row("strong-n10", 10, &["the strong policy, N = 10"]),
+    strong_row("strong-n20", 20, &["the strong policy, N = 20"]),
 ];
 
 const fn row(

@@ -26,7 +26,7 @@ const ROWS_5: [&str; 2] = ["m1", "m5"];
 /// Rows that are tested with mass, under the names of that table.
 const ROWS_WITH_MASS: [(&str, &str); 3] = [("M = 1", "m1"), ("M = 5", "m5"), (STRONG, STRONG)];
 /// The strong policy by the number of agents.
-pub(super) const ROWS_STRONG: [&str; 2] = ["strong", "strong-n10"];
+pub(super) const ROWS_STRONG: [&str; 3] = ["strong", "strong-n10", "strong-n20"];
 
 /// The note on values and intervals.
 const READING: &str = "ours: mean over training seeds (robot's token z = 0). 95 %: with one seed, over its episodes (Wilson for a \
