@@ -91,13 +91,18 @@ class RoomEnv(gymnasium.Env[Float32, Float32]):
     for bit; a pickle holds the paths of the files that it was made from, and is refused where they have changed.
 
     Args:
-        crowd: NH, IN, VA, SO (these need ``pool``), VO or SF; straight, stop-and-go or (with ``pool``) cross-play.
+        crowd: NH, IN, VA, SO (these need ``pool``), VO or SF; straight, stop-and-go or (with ``pool``) cross-play; or recorded, which
+            needs ``recording``.
         n_pedestrians: how many walk about; those of the configuration (4) if left out.
         robot_visible: whether pedestrians see the robot; the crowd's own rule if left out.
         pool: policies that drive learned pedestrians: checkpoint files, run folders, or folders of either.
         pool_half: the same at half their training, for SO; if left out, those that the runs of ``pool`` have kept.
         config: a TOML file as ``cargo xtask train`` reads it, of which the simulator is taken.
         settings: keys of it by their dotted names, such as ``{"sim.laser.noise_std": 0.0}``.
+        recording: people who walked somewhere, for crowd recorded: a file of ETH's ``obsmat.txt``, of ``frame id x y`` or of trajnet++
+            (docs/how-to-recorded.md). The room is the one around them, and nothing that the robot does moves them.
+        recording_interval: seconds between two frames of a person; what the file says, else 0.4, if left out.
+        recording_gap: the longest gap in a person's frames that is bridged (s); none if left out.
         copy: whether every step returns an array of its own. If not, all return the same one, and the next step
             overwrites it.
         render_mode: ``rgb_array`` for :meth:`render` to give the room from above as an image, uint8[height, width, 3].
@@ -118,6 +123,9 @@ class RoomEnv(gymnasium.Env[Float32, Float32]):
         pool_half: Pool | None = None,
         config: StrPath | None = None,
         settings: Mapping[str, Setting] | None = None,
+        recording: StrPath | None = None,
+        recording_interval: float | None = None,
+        recording_gap: float | None = None,
         copy: bool = True,
         render_mode: str | None = None,
     ) -> None:
@@ -129,6 +137,9 @@ class RoomEnv(gymnasium.Env[Float32, Float32]):
             pool_half=pool_half,
             config=config,
             settings=settings,
+            recording=recording,
+            recording_interval=recording_interval,
+            recording_gap=recording_gap,
         )
         self.render_mode = render_mode_or_none(render_mode)
         self._core = _jostle.CrowdRooms(words, 1)
@@ -174,7 +185,7 @@ class RoomEnv(gymnasium.Env[Float32, Float32]):
 
     def state(self) -> dict[str, Any]:
         """Who stands where, in world coordinates: ``robot`` float32[7] and ``pedestrians`` float32[n, 7] (x, y, heading, velocity
-        x, y, goal x, y), ``ranges`` float32[beams] without noise (m), ``episode_index``. For plots and for critics that may know more
+        x, y, goal x, y; of recorded people those who are there), ``ranges`` float32[beams] without noise (m), ``episode_index``. For plots and for critics that may know more
         than the robot."""
         if not self._begun:
             raise before_reset("state")

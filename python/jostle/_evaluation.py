@@ -67,6 +67,9 @@ def evaluate(
     pool_half: Pool | None = None,
     config: StrPath | None = None,
     settings: Mapping[str, Setting] | None = None,
+    recording: StrPath | None = None,
+    recording_interval: float | None = None,
+    recording_gap: float | None = None,
     batch: int = 256,
     name: str | None = None,
 ) -> Evaluation:
@@ -78,7 +81,8 @@ def evaluate(
             belong to different episodes: an action must be a function of its own row alone. The array is written anew for
             every call; copy what is to be kept. A policy with a memory is tested by
             ``RoomEnv.reset(options={"test_episode": k})``.
-        crowd: NH, IN, VA, SO (these need ``pool``), VO or SF; straight, stop-and-go or (with ``pool``) cross-play.
+        crowd: NH, IN, VA, SO (these need ``pool``), VO or SF; straight, stop-and-go or (with ``pool``) cross-play; or recorded, which
+            needs ``recording``.
         episodes: episodes 0 up to this; episode k is the same for every policy.
         seed: root seed of starts, goals, noise and pedestrians.
         batch: the most episodes that run side by side. Changes speed and memory alone.
@@ -100,6 +104,9 @@ def evaluate(
         pool_half=pool_half,
         config=config,
         settings=settings,
+        recording=recording,
+        recording_interval=recording_interval,
+        recording_gap=recording_gap,
     )
     count("episodes", episodes, least=1)
     count("batch", batch, least=1)

@@ -35,6 +35,9 @@ class Keywords(TypedDict):
     robot_visible: bool | None
     pool: list[str]
     pool_half: list[str]
+    recording: str | None
+    recording_interval: float | None
+    recording_gap: float | None
 
 
 def keywords(
@@ -46,12 +49,18 @@ def keywords(
     pool_half: Pool | None,
     config: StrPath | None,
     settings: Mapping[str, Setting] | None,
+    recording: StrPath | None = None,
+    recording_interval: float | None = None,
+    recording_gap: float | None = None,
 ) -> Keywords:
     """Checks and completes the keywords of a room among a crowd."""
     if not isinstance(crowd, str):
-        raise refusal("crowd", crowd, "one of NH, IN, VA, SO, VO, SF, straight, stop-and-go, cross-play")
+        raise refusal("crowd", crowd, "one of NH, IN, VA, SO, VO, SF, straight, stop-and-go, cross-play, recorded")
     if not (robot_visible is None or isinstance(robot_visible, (bool, np.bool_))):
         raise refusal("robot_visible", robot_visible, "True, False or None")
+    for name, value in (("recording_interval", recording_interval), ("recording_gap", recording_gap)):
+        if value is not None and recording is None:
+            raise refusal(name, value, "None without a recording")
     return Keywords(
         config=path_or_none("config", config),
         overrides=overrides(settings),
@@ -60,6 +69,9 @@ def keywords(
         robot_visible=None if robot_visible is None else bool(robot_visible),
         pool=paths("pool", pool),
         pool_half=paths("pool_half", pool_half),
+        recording=path_or_none("recording", recording),
+        recording_interval=seconds("recording_interval", recording_interval),
+        recording_gap=seconds("recording_gap", recording_gap),
     )
 
 
@@ -93,6 +105,15 @@ def paths(what: str, pool: Pool | None) -> list[str]:
         return [os.fsdecode(os.fspath(path)) for path in pool]
     except TypeError:
         raise refusal(what, pool, "a path or several") from None
+
+
+def seconds(name: str, value: float | None) -> float | None:
+    """A number of seconds, or `None`; its range is known to Rust."""
+    if value is None:
+        return None
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, float, np.number)):
+        raise refusal(name, value, "a number of seconds or None")
+    return float(value)
 
 
 def count(name: str, value: int | None, least: int) -> int | None:

@@ -60,6 +60,9 @@ class VectorRooms(VectorEnv[Float32, Float32, NDArray[Any]]):
         pool_half: Pool | None = None,
         config: StrPath | None = None,
         settings: Mapping[str, Setting] | None = None,
+        recording: StrPath | None = None,
+        recording_interval: float | None = None,
+        recording_gap: float | None = None,
         copy: bool = True,
         render_mode: str | None = None,
     ) -> None:
@@ -71,6 +74,9 @@ class VectorRooms(VectorEnv[Float32, Float32, NDArray[Any]]):
             pool_half=pool_half,
             config=config,
             settings=settings,
+            recording=recording,
+            recording_interval=recording_interval,
+            recording_gap=recording_gap,
         )
         if count("num_envs", num_envs, least=1) is None:
             raise refusal("num_envs", num_envs, "a whole number from 1 on")

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import seek
+from conftest import ROOT, seek
 
 import jostle
 
@@ -204,3 +204,47 @@ def test_a_policy_that_is_not_there_is_answered_with_the_nearest(pool: Path) -> 
         f"{pool}/run: found no such file or folder, expected a checkpoint file or a run folder; "
         f"did you mean {pool}/run1 or {pool}/run2?"
     )
+
+
+SAMPLE = ROOT / "recordings" / "sample.txt"
+
+
+def test_recorded_people_are_those_of_the_command_line(xtask: Callable[..., str], tmp_path: Path) -> None:
+    words = ("evaluate", "goal-seeker", "--recording", SAMPLE, "--episodes", 8, "--seed", 1, "--out", tmp_path)
+    xtask(*words)
+    (records,) = (tmp_path / "records").glob("recorded-*.ndjson")
+    expected = [json.loads(line) for line in records.read_text().splitlines()]
+    found = jostle.evaluate(jostle.planner("goal-seeker"), "recorded", recording=SAMPLE, episodes=8, seed=1)
+    assert found.records == expected
+    assert found.crowd == "recorded" and found.n_agents > 5
+    env = jostle.RoomEnv("recorded", recording=SAMPLE)
+    _, info = env.reset(seed=1, options={"test_episode": 3})
+    assert tuple(info["goal"]) == tuple(np.float32(expected[3]["goal"]))
+    people = env.state()["pedestrians"]
+    assert 1 <= len(people) < found.n_agents and np.abs(people[:, :2]).max() < 10
+    again = pickle.loads(pickle.dumps(env))
+    for _ in range(5):
+        a, b = env.step([0.5, 0.1]), again.step([0.5, 0.1])
+        assert a[0].tobytes() == b[0].tobytes()
+
+
+@pytest.mark.parametrize(
+    ("keywords", "message"),
+    [
+        ({"recording": SAMPLE}, f"recording: found {SAMPLE} for crowd SF, expected it for crowd recorded only"),
+        ({"crowd": "recorded"}, "recording: found none, expected people to play back (crowd recorded)"),
+        (
+            {"crowd": "recorded", "recording": SAMPLE, "n_pedestrians": 3},
+            "n_pedestrians: found 3, expected None: the recording says who is there",
+        ),
+        (
+            {"crowd": "recorded", "recording": SAMPLE, "recording_interval": "fast"},
+            "recording_interval: found 'fast', expected a number of seconds or None",
+        ),
+        ({"recording_gap": 1.0}, "recording_gap: found 1.0, expected None without a recording"),
+    ],
+)
+def test_what_does_not_fit_a_recording_is_refused(keywords: dict, message: str) -> None:
+    with pytest.raises(ValueError) as error:
+        jostle.evaluate(seek, episodes=1, **keywords)
+    assert str(error.value) == message

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::ArenaError;
 use crate::identity::hex_sha256;
+use crate::recording::RecordingConfig;
 use crate::scene::SceneConfig;
 
 /// Part of the hashes of settings with a map, to be raised whenever an episode on a map may end differently for the same settings. 2: crowds know walls as one area
@@ -54,6 +55,9 @@ pub struct ArenaConfig {
     /// of settings from before them are what they were.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scene: Option<SceneConfig>,
+    /// The pedestrians of crowd `recorded`; left out of the written form where there are none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub recording: Option<RecordingConfig>,
 }
 
 impl Default for ArenaConfig {
@@ -69,6 +73,7 @@ impl Default for ArenaConfig {
             respawn_clearance: 3.0,
             lock_step: 256,
             scene: None,
+            recording: None,
         }
     }
 }
@@ -110,6 +115,9 @@ impl ArenaConfig {
         }
         if self.lock_step == 0 {
             return refuse("lock_step", "0".to_owned(), "at least 1");
+        }
+        if let Some(recording) = &self.recording {
+            recording.validate(self.n_agents)?;
         }
         if let Some(scene) = &self.scene {
             scene.validate(&self.sim)?;

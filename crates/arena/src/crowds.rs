@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use glam::Vec2;
 use jostle_peds::orca::{Obstacles, OrcaCrowd};
+use jostle_peds::recorded::RecordedCrowd;
 use jostle_peds::social_force::{Border, SocialForceCrowd};
 use jostle_peds::validation::WalkersCrowd;
 use jostle_peds::{Crowd, CrowdKind, LearnedCrowd};
@@ -32,7 +33,11 @@ impl Pools {
         let pool = match crowd {
             CrowdKind::Nh | CrowdKind::In | CrowdKind::Va | CrowdKind::CrossPlay => &self.full[..],
             CrowdKind::So => &self.half,
-            CrowdKind::Vo | CrowdKind::Sf | CrowdKind::Straight | CrowdKind::StopAndGo => &[],
+            CrowdKind::Vo
+            | CrowdKind::Sf
+            | CrowdKind::Straight
+            | CrowdKind::StopAndGo
+            | CrowdKind::Recorded => &[],
         };
         &pool[..pool.len().min(n_pedestrians)]
     }
@@ -89,6 +94,7 @@ pub fn make_crowd(
             Box::new(SocialForceCrowd::new(&crowds.social_force, visibility, dt, borders)?)
         }
         CrowdKind::Straight | CrowdKind::StopAndGo => Box::new(WalkersCrowd::new(kind)?),
+        CrowdKind::Recorded => Box::new(RecordedCrowd),
         CrowdKind::Nh | CrowdKind::In | CrowdKind::Va | CrowdKind::So | CrowdKind::CrossPlay => {
             // An empty room needs no policies, but the crowd must exist.
             let pool = pools.drivers(kind, config.n_pedestrians().max(1));

@@ -2,7 +2,7 @@
 //!
 //! Reading order: [`config`] (settings), [`crowds`] (who walks there), [`room`] (one room, one control period; `live`: a room that
 //! someone changes while it runs), [`robot`], [`planners`], [`loaded`] and [`driver`] (who drives the robot), [`step`] and
-//! [`lock_step`] (many rooms side by side); [`scene`] and [`site`] (harder places, and their outlines); [`Outcome`], [`metrics`] and [`driving`] (what is measured
+//! [`lock_step`] (many rooms side by side); [`scene`] and [`site`] (harder places, and their outlines), [`recording`] (people as they walked); [`Outcome`], [`metrics`] and [`driving`] (what is measured
 //! while an episode runs), [`replay`] (episodes step by step), [`identity`] (which policy it was).
 //!
 //! Architecture invariants: nothing here trains, keeps records or knows a statistic; no episode depends on the clock, the number of
@@ -20,6 +20,7 @@ pub mod loaded;
 pub mod lock_step;
 pub mod metrics;
 pub mod planners;
+pub mod recording;
 pub mod replay;
 pub mod robot;
 pub mod room;

@@ -23,6 +23,7 @@ use crate::config::{ArenaConfig, PedestrianCrash};
 use crate::driving::{Driving, DrivingMeter, Neighbour};
 use crate::error::ArenaError;
 use crate::metrics::{EpisodeMetrics, MetricScale, distance};
+use crate::recording::{Playback, Played, RecordingConfig};
 use crate::robot::RobotView;
 
 /// The robot's index among the bodies.
@@ -77,6 +78,10 @@ impl RoomPlan {
         senses_by_laser: bool,
     ) -> Result<Self, ArenaError> {
         config.validate()?;
+        if crowd == CrowdKind::Recorded && config.recording.is_none() {
+            let (found, expected) = ("none".to_owned(), "people to play back (crowd recorded)".to_owned());
+            return Err(ArenaError::Setting { field: "recording", found, expected });
+        }
         let scenario = match &config.scene {
             Some(scene) => scene.scenario(),
             None => maps::scenario(&config.sim.room)?,
@@ -85,6 +90,8 @@ impl RoomPlan {
         let spawner = Spawner::new(&spawn_settings(config), &world)?;
         match &config.scene {
             Some(scene) => scene.check_ways(&config.sim, &world, &spawner)?,
+            // Recorded people are put where they were; only the robot needs a place.
+            None if crowd == CrowdKind::Recorded => spawner.check_room(1)?,
             None => spawner.check_room(config.n_agents)?,
         }
         Ok(Self {
@@ -97,6 +104,11 @@ impl RoomPlan {
             crash_rule: CrashRule::new(&config.sim),
             scale: metric_scale(config),
         })
+    }
+
+    /// The people who are played back, where the crowd is recorded.
+    fn recording(&self) -> Option<&RecordingConfig> {
+        self.config.recording.as_ref().filter(|_| self.crowd == CrowdKind::Recorded)
     }
 
     /// Number of pedestrians that sense by laser.
@@ -169,6 +181,8 @@ pub struct ArenaRoom {
     observations: Vec<f32>,
     /// Drawn for the episode.
     speed_factor: Vec<f32>,
+    /// Recorded people, and the moment of their recording.
+    playback: Option<Playback>,
     /// In a scene: for each pedestrian the time from which on it stands whatever the crowd says (s), if there is one.
     stands_from: Vec<Option<f32>>,
     /// The gaits of pedestrians that walk and stand in turns, each with the stream of its draws.
@@ -211,7 +225,24 @@ impl ArenaRoom {
         let mut spawn = streams.stream("eval.spawn", &[episode]);
         let mut goals = Vec::with_capacity(config.n_agents);
         let mut stands_from = Vec::new();
-        if let Some(scene) = &config.scene {
+        let mut playback = None;
+        if let Some(recording) = plan.recording() {
+            let mut rng = streams.stream("eval.recording", &[episode]);
+            let limit = sim.episode.step_limit;
+            let mut played = Playback::new(recording, limit, sim.episode.dt, plan.scenario.walls, &mut rng);
+            // The robot's place is drawn when the people are there.
+            world.add_body(&shape, Pose::new(plan.scenario.walls.1 + 50.0, 0.0))?;
+            let bodies: Vec<Played> =
+                (0..config.n_pedestrians()).map(|slot| played.play(slot, 0, None)).collect();
+            for body in &bodies {
+                world.add_body(&shape, body.pose)?;
+            }
+            let (pose, goal) = plan.spawner.start_and_goal(&world, |body| body != ROBOT, &mut spawn);
+            world.set_pose(ROBOT, pose);
+            goals.push(goal);
+            goals.extend(bodies.iter().map(|body| body.goal));
+            playback = Some(played);
+        } else if let Some(scene) = &config.scene {
             let placing = scene.place(sim, &world, &mut spawn);
             for pose in placing.poses {
                 world.add_body(&shape, pose)?;
@@ -246,6 +277,7 @@ impl ArenaRoom {
             observations: vec![0.0; n_observers * sim.observation_len()],
             speed_factor: (1..config.n_agents).map(draw).collect(),
             stands_from,
+            playback,
             gaits: Vec::new(),
             pace: Vec::new(),
             streams: (1..config.n_agents).map(|body| indexed("eval.pedestrian", body)).collect(),
@@ -296,9 +328,14 @@ impl ArenaRoom {
         self.velocity
     }
 
-    /// The pedestrians as they stand.
+    /// The pedestrians as they stand; [`Self::is_present`] says of recorded ones whether they are in the room.
     pub fn pedestrians(&self) -> &[Pedestrian] {
         &self.pedestrians
+    }
+
+    /// Whether a pedestrian is in the room. A recorded one that has not come yet or has gone waits beyond the walls.
+    pub fn is_present(&self, pedestrian: usize) -> bool {
+        self.playback.as_ref().is_none_or(|playback| playback.is_shown(pedestrian))
     }
 
     /// The pedestrians' speed factors, as drawn for the episode.
@@ -381,7 +418,9 @@ impl ArenaRoom {
         if let Some(outcome) = self.outcome(plan) {
             return Ok(Some(self.finished(plan, outcome)));
         }
-        let crashed: Vec<bool> = (1..self.motions.len()).map(|body| self.has_crashed(plan, body)).collect();
+        // Recorded people neither crash nor get new goals.
+        let n_driven = if self.playback.is_some() { 1 } else { self.motions.len() };
+        let crashed: Vec<bool> = (1..n_driven).map(|body| self.has_crashed(plan, body)).collect();
         for (i, crashed) in crashed.into_iter().enumerate() {
             self.renew_pedestrian(plan, i, crashed);
         }
@@ -451,8 +490,21 @@ impl ArenaRoom {
                 _ => Vec2::ZERO,
             };
         }
+        self.play_back();
         self.measure(plan, heading);
         Ok(())
+    }
+
+    /// Puts recorded people where they were at this step, whoever is in the way.
+    fn play_back(&mut self) {
+        let Some(playback) = &mut self.playback else { return };
+        let robot = self.world.pose(ROBOT).position;
+        for (slot, pedestrian) in self.pedestrians.iter_mut().enumerate() {
+            let Played { pose, velocity, goal } = playback.play(slot, self.steps, Some(robot));
+            self.world.set_pose(slot + 1, pose);
+            let Pose { position, heading } = pose;
+            *pedestrian = Pedestrian { position, velocity, heading, goal };
+        }
     }
 
     /// Measures the step that was just made, along the heading that the robot had before it turned.
@@ -462,7 +514,10 @@ impl ArenaRoom {
         let velocity = heading.as_dvec2() * f64::from(self.velocity[0]);
         // From here on it drives where it heads now.
         let onwards = robot.direction().as_dvec2() * f64::from(self.velocity[0]);
-        let neighbours = self.pedestrians.iter().enumerate().map(|(i, pedestrian)| Neighbour {
+        let playback = self.playback.as_ref();
+        let is_present = |i: usize| playback.is_none_or(|playback| playback.is_shown(i));
+        let present = self.pedestrians.iter().enumerate().filter(|(i, _)| is_present(*i));
+        let neighbours = present.map(|(i, pedestrian)| Neighbour {
             clearance: f64::from(world.body_distance(ROBOT, i + 1)),
             position: pedestrian.position.as_dvec2() - robot.position.as_dvec2(),
             velocity: pedestrian.velocity.as_dvec2() - onwards,

@@ -21,6 +21,7 @@ use jostle_runs::policies;
 use jostle_runs::run_folder::write_atomically;
 use jostle_runs::threads;
 use jostle_study::cell::Cell;
+use jostle_view::recording::RecordingArgs;
 
 /// Arguments of `evaluate`.
 #[derive(Args)]
@@ -30,14 +31,21 @@ use jostle_study::cell::Cell;
     cargo xtask evaluate runs/ours/checkpoints/002500.safetensors --crowds SF --token 3\n  \
     cargo xtask evaluate runs/ours --crowds straight,stop-and-go,cross-play --pool runs/seed2 runs/seed3\n  \
     cargo xtask evaluate runs/ours --suite standard --crowds VO,SF --episodes 200\n  \
-    cargo xtask evaluate runs/ours --crowds VO,SF --set sim.robot.dynamics=rapier --out results/rapier")]
+    cargo xtask evaluate runs/ours --crowds VO,SF --set sim.robot.dynamics=rapier --out results/rapier\n  \
+    cargo xtask evaluate runs/ours --recording recordings/sample.txt --episodes 200")]
 pub struct EvaluateArgs {
     /// Checkpoint file, run folder for its newest checkpoint, or a planner that was not learned: straight, brake,
     /// goal-seeker, dwa, orca, social-force.
     policy: PathBuf,
     /// Crowds, separated by commas: NH, IN, VA, SO (these need --pool), VO, SF; to choose settings by, without spending the six:
     /// straight, stop-and-go, cross-play (the last with --pool).
-    #[arg(long, value_delimiter = ',', value_name = "CROWDS", default_value = "NH,IN,VA,SO,VO,SF")]
+    #[arg(
+        long,
+        value_delimiter = ',',
+        value_name = "CROWDS",
+        default_value = "NH,IN,VA,SO,VO,SF",
+        conflicts_with = "recording"
+    )]
     crowds: Vec<String>,
     /// Episodes per crowd; episode k is the same for every policy.
     #[arg(long, value_name = "N", default_value_t = 1000)]
@@ -49,17 +57,19 @@ pub struct EvaluateArgs {
     #[arg(long, value_name = "PATH", num_args = 1..)]
     pool_half: Vec<PathBuf>,
     /// Harder places in place of the usual room: `standard`, or a TOML file of scenes. Every crowd is tested in each.
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", conflicts_with = "recording")]
     suite: Option<String>,
     /// Behaviour token of the robot.
     #[arg(long, value_name = "Z", default_value_t = 0)]
     token: u32,
     /// Agents in a room, the robot among them (default: as in training, for a planner 5).
-    #[arg(long, value_name = "N", conflicts_with = "suite")]
+    #[arg(long, value_name = "N", conflicts_with_all = ["suite", "recording"])]
     agents: Option<usize>,
     /// Change a key of the room that the policy was trained in, such as `sim.robot.dynamics=rapier`; may be repeated.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     changes: Vec<String>,
+    #[command(flatten)]
+    recording: RecordingArgs,
     /// Seed of starts, goals and noise.
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -148,6 +158,9 @@ impl EvaluateArgs {
         if self.episodes == 0 {
             bail!("--episodes: found 0, expected at least 1");
         }
+        if self.recording.recording.is_some() {
+            return Ok(vec![CrowdKind::Recorded]);
+        }
         Ok(self.crowds.iter().map(|name| name.parse()).collect::<Result<_, _>>()?)
     }
 
@@ -160,6 +173,7 @@ impl EvaluateArgs {
             ..ArenaConfig::default()
         };
         maps::tell(&config.sim.room)?;
+        let config = self.recording.config(config)?;
         Ok(Protocol::new(config, policies::pools(&self.pool, &self.pool_half, crowds, "--pool-half")?)?)
     }
 }

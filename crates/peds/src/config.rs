@@ -95,7 +95,12 @@ impl CrowdsConfig {
             CrowdKind::Va => Uniform::new_inclusive(low, high).expect("a validated range").sample(rng),
             CrowdKind::Sf => self.social_force.desired_speed.draw_factor(rng),
             CrowdKind::Straight | CrowdKind::StopAndGo => self.walkers.draw_speed(rng),
-            CrowdKind::Nh | CrowdKind::In | CrowdKind::So | CrowdKind::Vo | CrowdKind::CrossPlay => 1.0,
+            CrowdKind::Nh
+            | CrowdKind::In
+            | CrowdKind::So
+            | CrowdKind::Vo
+            | CrowdKind::CrossPlay
+            | CrowdKind::Recorded => 1.0,
         }
     }
 }

@@ -75,7 +75,9 @@ pub enum PedsError {
         expected: usize,
     },
     /// A name that is no crowd.
-    #[error("unknown crowd `{0}`; expected one of NH, IN, VA, SO, VO, SF, straight, stop-and-go, cross-play")]
+    #[error(
+        "unknown crowd `{0}`; expected one of NH, IN, VA, SO, VO, SF, straight, stop-and-go, cross-play, recorded"
+    )]
     UnknownCrowd(String),
     /// A text that cannot be the name of a crowd of one's own.
     #[error(
@@ -95,6 +97,16 @@ pub enum PedsError {
         found: &'static str,
         /// The crowds that can be made so.
         expected: &'static str,
+    },
+    /// A recording cannot be read.
+    #[error("{}: {}{problem}", file.display(), line_of(*line))]
+    Recording {
+        /// The file.
+        file: std::path::PathBuf,
+        /// The line, from 1; 0 for the file as a whole.
+        line: usize,
+        /// What was found and what was expected.
+        problem: String,
     },
     /// A learned crowd has no policies.
     #[error("policy pool: it is empty; expected at least one policy")]
@@ -137,6 +149,11 @@ pub enum PedsError {
         /// Its answer: linear and angular velocity.
         mean: [f32; 2],
     },
+}
+
+/// The line's part of a message.
+fn line_of(line: usize) -> String {
+    if line == 0 { String::new() } else { format!("line {line}: ") }
 }
 
 /// Largest coordinate, speed or distance accepted: its fourth power is far from the end of `f32`.

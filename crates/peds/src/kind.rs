@@ -34,6 +34,9 @@ pub enum CrowdKind {
     /// Validation crowd: as `Nh`, driven by whatever policies the pool holds, such as those of
     /// other seeds. Not of the paper.
     CrossPlay,
+    /// People as they walked in a recording that the user brings; they react to nobody. Not of the
+    /// paper.
+    Recorded,
 }
 
 impl CrowdKind {
@@ -43,9 +46,10 @@ impl CrowdKind {
     /// Those by which settings are chosen; never a column of a table of the paper.
     pub const VALIDATION: [Self; 3] = [Self::Straight, Self::StopAndGo, Self::CrossPlay];
 
-    /// Every crowd that comes with this crate: the paper's, then those for validation.
+    /// Every crowd that comes with this crate: the paper's, those for validation, then the recorded
+    /// one.
     pub fn built_in() -> impl Iterator<Item = Self> {
-        Self::PAPER.into_iter().chain(Self::VALIDATION)
+        Self::PAPER.into_iter().chain(Self::VALIDATION).chain([Self::Recorded])
     }
 
     /// The two letters of the paper, or a name in lower case.
@@ -60,6 +64,7 @@ impl CrowdKind {
             Self::Straight => "straight",
             Self::StopAndGo => "stop-and-go",
             Self::CrossPlay => "cross-play",
+            Self::Recorded => "recorded",
         }
     }
 

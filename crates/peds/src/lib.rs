@@ -1,9 +1,9 @@
-//! Crowd models: ORCA, social force, learned pedestrians and walkers for validation behind one
-//! trait.
+//! Crowd models: ORCA, social force, learned pedestrians, walkers for validation and recorded
+//! people behind one trait.
 //!
 //! Reading order: `crowd` (the trait and what passes through it), `name`, `kind` (the built-in
 //! crowds), `visibility` (who sees whom), `config`, [`orca`], [`social_force`], [`validation`],
-//! `learned`.
+//! [`recorded`], `learned`.
 //!
 //! Architecture invariant: the pure models know neither the simulator nor a network; only the
 //! feature `learned` brings in `jostle-policy`.
@@ -55,6 +55,7 @@ mod kind;
 mod learned;
 mod name;
 pub mod orca;
+pub mod recorded;
 pub mod social_force;
 pub mod validation;
 mod visibility;

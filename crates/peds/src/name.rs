@@ -139,7 +139,7 @@ mod tests {
             assert_eq!(serde_json::from_str::<CrowdName>(&json).unwrap(), name);
         }
         let too_long = format!("{longest}5");
-        for text in ["", "vo", "straight", "cross-play", "Mine", "a/b", "2fast", "-a", "ä", &too_long] {
+        for text in ["", "vo", "straight", "recorded", "Mine", "a/b", "2fast", "-a", "ä", &too_long] {
             assert!(CrowdName::new(text).is_err(), "{text}");
             let is_read = serde_json::from_str::<CrowdName>(&format!("{text:?}")).is_ok();
             assert_eq!(is_read, text.parse::<CrowdKind>().is_ok(), "{text}");
@@ -163,8 +163,20 @@ mod tests {
         names.reverse();
         names.sort_unstable();
         let texts: Vec<&str> = names.iter().map(CrowdName::as_str).collect();
-        let expected =
-            ["NH", "IN", "VA", "SO", "VO", "SF", "straight", "stop-and-go", "cross-play", "a-crowd", "mine"];
+        let expected = [
+            "NH",
+            "IN",
+            "VA",
+            "SO",
+            "VO",
+            "SF",
+            "straight",
+            "stop-and-go",
+            "cross-play",
+            "recorded",
+            "a-crowd",
+            "mine",
+        ];
         assert_eq!(texts, expected);
     }
 }

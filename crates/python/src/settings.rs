@@ -2,11 +2,24 @@
 
 use std::path::{Path, PathBuf};
 
+use jostle_arena::recording::RecordingConfig;
+use jostle_arena::room::metric_scale;
 use jostle_arena::{ArenaConfig, Pools};
 use jostle_eval::EvalError;
 use jostle_peds::CrowdKind;
 use jostle_ppo::{Config, PpoError};
 use jostle_sim::{SimConfig, SimError};
+
+/// People to play back, as a file and how it is to be understood.
+#[derive(Clone, Debug, Default)]
+pub struct RecordingFile {
+    /// The file.
+    pub path: PathBuf,
+    /// Time between two annotated frames of a person (s); that of the file, else 0.4, where it is absent.
+    pub interval: Option<f64>,
+    /// Longest gap that is bridged (s); none where it is absent.
+    pub max_gap: Option<f64>,
+}
 
 /// Everything that a room among a crowd is made from.
 #[derive(Clone, Debug)]
@@ -51,6 +64,33 @@ impl Settings {
         }
         config.validate()?;
         Ok(Self { config, crowd, pools })
+    }
+
+    /// The settings with the people of a file in them, who take the room and its number of pedestrians with them.
+    ///
+    /// # Errors
+    ///
+    /// Another crowd than the recorded one; a number of pedestrians; a file that is no recording; a room without a place for the
+    /// robot.
+    pub fn with_recording(
+        mut self,
+        file: &RecordingFile,
+        n_pedestrians: Option<usize>,
+    ) -> Result<Self, EvalError> {
+        let refuse = |field, found: String, expected: &str| {
+            Err(EvalError::Setting { field, found, expected: expected.to_owned() })
+        };
+        if self.crowd != CrowdKind::Recorded {
+            let found = format!("{} for crowd {}", file.path.display(), self.crowd);
+            return refuse("recording", found, "it for crowd recorded only");
+        }
+        if let Some(n) = n_pedestrians {
+            return refuse("n_pedestrians", n.to_string(), "None: the recording says who is there");
+        }
+        let dt = metric_scale(&self.config).dt;
+        let recording = RecordingConfig::read(&file.path, file.interval, file.max_gap, dt)?;
+        self.config = recording.config(&self.config)?;
+        Ok(self)
     }
 }
 
@@ -136,6 +176,26 @@ mod tests {
         assert_eq!(other.sim.room.map_file(), Some(map));
         let error = trained(sim(), 1, &["sim.laser.fov=270".to_owned()]).unwrap_err().to_string();
         assert!(error.starts_with("--set sim.laser.fov=270: sim.laser.fov: found 270"), "{error}");
+    }
+
+    #[test]
+    fn a_recording_brings_its_people_and_its_room() {
+        let base = base(None, &[]).unwrap();
+        let settings = |crowd| Settings::new(&base, crowd, None, None, Pools::default()).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("three.txt");
+        std::fs::write(&path, "0 1 0 0\n10 1 1 0\n0 2 0 6\n10 2 0 6\n0 3 8 3\n10 3 8 3\n").unwrap();
+        let file = RecordingFile { path, ..RecordingFile::default() };
+        let found = settings(CrowdKind::Recorded).with_recording(&file, None).unwrap().config;
+        // 8 m by 6 m of people and 2 m on each side.
+        assert_eq!((found.n_pedestrians(), found.sim.room.width, found.sim.room.height), (3, 12.0, 10.0));
+        let refused = |crowd, n| settings(crowd).with_recording(&file, n).unwrap_err().to_string();
+        assert!(refused(CrowdKind::Sf, None).ends_with("for crowd SF, expected it for crowd recorded only"));
+        let expected = "n_pedestrians: found 2, expected None: the recording says who is there";
+        assert_eq!(refused(CrowdKind::Recorded, Some(2)), expected);
+        let gap = RecordingFile { interval: Some(-1.0), ..file.clone() };
+        let error = settings(CrowdKind::Recorded).with_recording(&gap, None).unwrap_err().to_string();
+        assert_eq!(error, "interval = -1; expected 0.001 to 60 s");
     }
 
     #[test]

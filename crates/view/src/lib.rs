@@ -12,4 +12,5 @@ pub mod demo;
 pub mod draw;
 pub mod picture;
 pub mod play;
+pub mod recording;
 pub mod replay;

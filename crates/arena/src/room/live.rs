@@ -43,6 +43,9 @@ impl ArenaRoom {
     /// A place that is taken or too near to the robot; a room that is too full for one more.
     pub fn add_pedestrian(&mut self, plan: &mut RoomPlan, position: Vec2) -> Result<(), ArenaError> {
         let body = self.motions.len();
+        if self.playback.is_some() {
+            return refuse("pedestrian", position, "none: a recording has its own people".to_owned());
+        }
         let (config, shape) = (&plan.config, self.world.shape(ROBOT).clone());
         let size = shape.circumradius();
         self.check_place(plan, "pedestrian", position, size)?;

@@ -174,6 +174,11 @@ impl Evaluation {
             if built_in.is_some_and(CrowdKind::is_for_validation) {
                 notes.push(format!("{label}: a validation crowd, to choose settings by; not of the paper"));
             }
+            if built_in == Some(CrowdKind::Recorded) {
+                notes.push(format!(
+                    "{label}: people as they walked, who do not react to the robot; not of the paper"
+                ));
+            }
             if built_in.is_none() {
                 notes.push(format!("{label}: a crowd of the user's own; not of the paper"));
             }

@@ -14,7 +14,7 @@ use pyo3::types::{PyBytes, PyDict};
 use crate::crowd_rooms::EpisodeEnd;
 use crate::finite;
 use crate::picture::Picture;
-use crate::settings::{self, Settings};
+use crate::settings::{self, RecordingFile, Settings};
 use crate::threads;
 
 /// A mistake of the caller's: one line.
@@ -44,6 +44,12 @@ pub(super) struct Keywords {
     pool: Vec<PathBuf>,
     #[pyo3(item)]
     pool_half: Vec<PathBuf>,
+    #[pyo3(item)]
+    recording: Option<PathBuf>,
+    #[pyo3(item)]
+    recording_interval: Option<f64>,
+    #[pyo3(item)]
+    recording_gap: Option<f64>,
 }
 
 impl Keywords {
@@ -78,7 +84,14 @@ impl Keywords {
         let crowd = self.crowd.parse().map_err(value_error)?;
         let pools = jostle_runs::policies::pools(&self.pool, &self.pool_half, &[crowd], "pool_half");
         let pools = pools.map_err(value_error)?;
-        Settings::new(base, crowd, self.n_pedestrians, self.robot_visible, pools).map_err(value_error)
+        let Some(path) = self.recording.clone() else {
+            return Settings::new(base, crowd, self.n_pedestrians, self.robot_visible, pools)
+                .map_err(value_error);
+        };
+        let file = RecordingFile { path, interval: self.recording_interval, max_gap: self.recording_gap };
+        let settings = Settings::new(base, crowd, None, self.robot_visible, pools);
+        let settings = settings.and_then(|settings| settings.with_recording(&file, self.n_pedestrians));
+        settings.map_err(value_error)
     }
 
     /// The same keywords from any working directory.
@@ -88,6 +101,7 @@ impl Keywords {
             config: self.config.as_ref().map(absolute).transpose()?,
             pool: all(&self.pool)?,
             pool_half: all(&self.pool_half)?,
+            recording: self.recording.as_ref().map(absolute).transpose()?,
             ..self.clone()
         })
     }

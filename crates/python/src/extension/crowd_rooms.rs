@@ -161,7 +161,8 @@ impl PyCrowdRooms {
         };
         let state = PyDict::new(py);
         state.set_item("robot", body(&room.robot()))?;
-        state.set_item("pedestrians", room.pedestrians().iter().map(body).collect::<Vec<_>>())?;
+        let present = room.pedestrians().iter().enumerate().filter(|(i, _)| room.is_present(*i));
+        state.set_item("pedestrians", present.map(|(_, p)| body(p)).collect::<Vec<_>>())?;
         state.set_item("ranges", room.robot_ranges().to_vec())?;
         state.set_item("episode_index", room.episode())?;
         Ok(state)

@@ -1,5 +1,6 @@
 //! Cells of the tables, each run once and kept in `results/cells` in the small form, by the hash of all it depends on.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
@@ -19,6 +20,8 @@ pub(crate) struct Cells {
     folder: PathBuf,
     /// Run also what is stored, and compare.
     fresh: bool,
+    /// What this store has run, which is not run twice.
+    ran: BTreeSet<PathBuf>,
     /// Cells that were run and were not stored before.
     pub(crate) new: u64,
     /// Cells that were run again and came out the same.
@@ -40,7 +43,7 @@ impl Cells {
     /// A store in a folder, which is made.
     pub(crate) fn open(folder: PathBuf, fresh: bool) -> Result<Self> {
         std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
-        Ok(Self { folder, fresh, new: 0, same: 0, read: 0 })
+        Ok(Self { folder, fresh, ran: BTreeSet::new(), new: 0, same: 0, read: 0 })
     }
 
     /// A cell with at least the episodes asked for.
@@ -58,7 +61,7 @@ impl Cells {
             if stored.head.key != key {
                 bail!("{}: holds another cell ({})", path.display(), short(&stored.head.key.hash()));
             }
-            if stored.head.episodes >= episodes && !self.fresh {
+            if stored.head.episodes >= episodes && (!self.fresh || self.ran.contains(&path)) {
                 self.read += 1;
                 return Ok(stored.clone());
             }
@@ -77,6 +80,7 @@ impl Cells {
             self.new += 1;
             write_atomically(&path, &cell.text())?;
         }
+        self.ran.insert(path);
         Ok(cell)
     }
 

@@ -226,9 +226,9 @@ fn study(
         (Target::Table5, tables::table_5),
         (Target::Table5, tables::table_dynamics),
         (Target::Strong, tables::table_strong),
-        (Target::Beyond, beyond::tokens),
-        (Target::Beyond, beyond::outcomes),
         (Target::Beyond, beyond::driving),
+        (Target::Beyond, beyond::outcomes),
+        (Target::Beyond, beyond::tokens),
     ];
     for (_, table) in tables.into_iter().filter(|(of, _)| is(*of)) {
         let table = table(&mut evaluator)?;

@@ -45,7 +45,7 @@
   function choices({ policies, crowds, pedestrians_max }) {
     now.policies = policies;
     $("policy").replaceChildren(...policies.map((policy, k) => option(k, policy.name)));
-    $("crowd").replaceChildren(...Object.keys(CROWDS).map((crowd) => {
+    $("crowd").replaceChildren(...Object.keys(CROWDS).filter((crowd) => crowd !== "recorded").map((crowd) => {
       const has = crowds.includes(crowd);
       return option(crowd, has ? `${crowd}: ${CROWDS[crowd]}` : `${crowd}: needs --pool`, !has);
     }));

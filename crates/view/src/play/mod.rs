@@ -95,13 +95,18 @@ pub fn run(args: &PlayArgs) -> Result<ExitCode> {
 /// # Errors
 /// No free port.
 pub fn serve_in_background() -> Result<SocketAddr> {
-    let crowds = CrowdKind::built_in().filter(|crowd| !crowd.is_learned()).collect();
+    let crowds = playable().filter(|crowd| !crowd.is_learned()).collect();
     let catalogue =
         Catalogue { drivers: vec![Driver::planner(Planner::GoalSeeker)], pools: Pools::default(), crowds };
     let first = Setup { crowd: CrowdKind::Sf, pedestrians: 4, policy: 0, token: 0, seed: 0, episode: 0 };
     let (listener, address) = listen(0)?;
     std::thread::spawn(move || Arc::new(Server::new(catalogue, first)).serve(&listener, address));
     Ok(address)
+}
+
+/// The crowds that can be played with: recorded people do not change with the visitor's wishes.
+fn playable() -> impl Iterator<Item = CrowdKind> {
+    CrowdKind::built_in().filter(|crowd| *crowd != CrowdKind::Recorded)
 }
 
 /// The policies and crowds to choose from.
@@ -115,7 +120,7 @@ fn catalogue(args: &PlayArgs) -> Result<Catalogue> {
     }
     let pools = if args.pool.is_empty() { Pools::default() } else { learned(args)? };
     let has = |crowd: &CrowdKind| !crowd.is_learned() || !pools.drivers(*crowd, 1).is_empty();
-    let crowds = CrowdKind::built_in().filter(has).collect();
+    let crowds = playable().filter(has).collect();
     Ok(Catalogue { drivers, pools, crowds })
 }
 

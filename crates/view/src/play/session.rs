@@ -81,6 +81,11 @@ impl<'a> Session<'a> {
             .get(setup.policy)
             .with_context(|| format!("policy: found {}, expected less than {n_policies}", setup.policy))?;
         ensure!(
+            setup.crowd != CrowdKind::Recorded,
+            "crowd recorded: it can be replayed (`{} replay --recording FILE`), but not played with",
+            jostle_runs::output::program()
+        );
+        ensure!(
             catalogue.crowds.contains(&setup.crowd),
             "crowd {}: its pedestrians are driven by policies; start with --pool",
             setup.crowd

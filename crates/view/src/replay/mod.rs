@@ -15,6 +15,7 @@ use std::process::ExitCode;
 
 use anyhow::{Context as _, Result, bail, ensure};
 use clap::{Args, ValueEnum};
+use glam::Vec2;
 use jostle_arena::Outcome;
 use jostle_arena::config::ArenaConfig;
 use jostle_arena::crowds::{Pools, check_observation};
@@ -26,6 +27,7 @@ use jostle_peds::CrowdKind;
 
 use self::driver::Driver;
 use self::page::{Page, Scene};
+use crate::recording::RecordingArgs;
 use jostle_runs::changed::changed;
 use jostle_runs::output;
 use jostle_runs::policies;
@@ -43,7 +45,8 @@ const CHUNK: u64 = 32;
     cargo xtask replay runs/ours --against runs/baseline --crowd SF,VO --out runs/replay\n  \
     cargo xtask replay runs/ours --crowd IN --pool runs/pool --outcome collision --episodes 20\n  \
     cargo xtask replay dwa --crowd VO --agents 10\n  \
-    cargo xtask replay runs/ours --against dwa --pick 7 --gif runs/seven.gif --mcap runs/seven.mcap")]
+    cargo xtask replay runs/ours --against dwa --pick 7 --gif runs/seven.gif --mcap runs/seven.mcap\n  \
+    cargo xtask replay goal-seeker --recording recordings/sample.txt")]
 pub struct ReplayArgs {
     /// Checkpoint file, run folder, or a planner: straight, brake, goal-seeker, dwa.
     policy: PathBuf,
@@ -51,7 +54,13 @@ pub struct ReplayArgs {
     #[arg(long, value_name = "POLICY")]
     against: Vec<PathBuf>,
     /// Crowds, separated by commas: SF, VO, straight, stop-and-go; with --pool also NH, IN, VA, SO, cross-play.
-    #[arg(long, value_delimiter = ',', value_name = "CROWDS", default_value = "SF")]
+    #[arg(
+        long,
+        value_delimiter = ',',
+        value_name = "CROWDS",
+        default_value = "SF",
+        conflicts_with = "recording"
+    )]
     crowd: Vec<String>,
     /// Episodes per crowd.
     #[arg(long, value_name = "N", default_value_t = 20)]
@@ -78,11 +87,13 @@ pub struct ReplayArgs {
     #[arg(long, value_name = "Z", requires = "against")]
     against_token: Vec<u32>,
     /// Agents in a room, the robot among them (default: as in training, else 5).
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", conflicts_with = "recording")]
     agents: Option<usize>,
     /// Change a key of the room that the policy was trained in, such as `sim.robot.dynamics=rapier`; may be repeated.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     changes: Vec<String>,
+    #[command(flatten)]
+    recording: RecordingArgs,
     /// Seed of starts, goals and noise.
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -135,7 +146,10 @@ impl Wanted {
 /// Writes the page that the arguments ask for.
 pub fn run(args: &ReplayArgs) -> Result<ExitCode> {
     ensure!(args.episodes > 0, "--episodes: found 0, expected at least 1");
-    let crowds = args.crowd.iter().map(|name| name.parse()).collect::<Result<Vec<CrowdKind>, _>>()?;
+    let crowds = match args.recording.recording {
+        Some(_) => vec![CrowdKind::Recorded],
+        None => args.crowd.iter().map(|name| name.parse()).collect::<Result<Vec<CrowdKind>, _>>()?,
+    };
     threads::set(args.threads)?;
     let (others, tokens) = (args.against.len(), args.against_token.len());
     ensure!(tokens <= others, "--against-token: found {tokens}, expected at most one for each --against");
@@ -146,6 +160,7 @@ pub fn run(args: &ReplayArgs) -> Result<ExitCode> {
     let mut config = ArenaConfig { seed: args.seed, ..config_of(&drivers, args.agents)? };
     config.sim = changed(config.sim, &args.changes)?;
     jostle_runs::maps::tell(&config.sim.room)?;
+    let config = args.recording.config(config)?;
     let protocol = Protocol::new(config, pools(args, &crowds)?)?;
     let wish = Wish {
         wanted: args.outcome,
@@ -171,7 +186,7 @@ fn export(
     protocol: &Protocol,
 ) -> Result<Vec<PathBuf>> {
     let config = protocol.config();
-    let site = polygons(&RoomPlan::new(config, CrowdKind::Sf)?.scenario);
+    let site = site(config)?;
     let mut written = Vec::new();
     if let Some(file) = &args.gif {
         let first = recorded.runs(drivers).next().context("--gif: no episode was found to be drawn")?;
@@ -250,6 +265,12 @@ impl Recorded {
     }
 }
 
+/// Walls, then obstacles, as polygons; the same for every crowd.
+fn site(config: &ArenaConfig) -> Result<Vec<Vec<Vec2>>> {
+    let crowd = if config.recording.is_some() { CrowdKind::Recorded } else { CrowdKind::Sf };
+    Ok(polygons(&RoomPlan::new(config, crowd)?.scenario))
+}
+
 /// Runs the drivers through the wanted episodes of each crowd.
 pub fn record(
     protocol: &Protocol,
@@ -257,8 +278,8 @@ pub fn record(
     crowds: &[CrowdKind],
     wish: &Wish,
 ) -> Result<Recorded> {
-    let plan = RoomPlan::new(protocol.config(), CrowdKind::Sf)?;
-    let mut page = Page::new(Scene::new(protocol.config(), &polygons(&plan.scenario))?, drivers, protocol);
+    let site = site(protocol.config())?;
+    let mut page = Page::new(Scene::new(protocol.config(), &site)?, drivers, protocol);
     let mut traces = Vec::new();
     for &crowd in crowds {
         let plan = RoomPlan::new(protocol.config(), crowd)?;

@@ -9,6 +9,7 @@ const Parts = (() => {
     NH: "learned pedestrians", IN: "learned, blind to the robot", VA: "learned, at various speeds, blind to the robot",
     SO: "learned, half trained", VO: "velocity obstacles (ORCA)", SF: "social force",
     straight: "straight to their goals, blind", "stop-and-go": "straight, with stops, blind", "cross-play": "learned, of other seeds",
+    recorded: "people as they walked, blind to the robot",
   };
   const LAYERS = { laser: ["Laser", "l"], trails: ["Trails", "t"], goals: ["Goals", "g"], speed: ["Arrows", "a"] };
 
