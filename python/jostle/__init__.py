@@ -4,6 +4,7 @@
 - :class:`VectorRooms`: many such rooms, stepped in one call on all cores.
 - :func:`parallel_env`: several robots in one room, for PettingZoo.
 - :func:`evaluate`: any policy in the test's episodes, with intervals.
+- :func:`leaderboard_entry`: any policy on the leaderboard's scenes, as an entry of it.
 - :class:`Policy`: a policy that jostle trained.
 - :func:`planner`: a robot that nobody trained, by its name.
 - :func:`scan_to_row`: from a robot's own numbers to the row that a policy reads.
@@ -25,6 +26,7 @@ from ._convert import write_policy
 from ._env import RoomEnv
 from ._evaluation import Evaluation, evaluate
 from ._jostle import __version__
+from ._leaderboard import leaderboard_entry
 from ._keywords import Setting, StrPath
 from ._planner import PLANNERS, Planner, planner
 from ._policy import Policy
@@ -45,6 +47,7 @@ __all__ = [
     "VectorRooms",
     "__version__",
     "evaluate",
+    "leaderboard_entry",
     "parallel_env",
     "planner",
     "scan_to_row",

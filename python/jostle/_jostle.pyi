@@ -131,6 +131,16 @@ def evaluate(
     seed: int,
     lock_step: int,
 ) -> tuple[str, str, int]: ...
+def board_entry(
+    act: Callable[[NDArray[np.float32], int], NDArray[np.float32]],
+    zeros: Callable[[tuple[int, int]], NDArray[np.float32]],
+    about: dict[str, str],
+    config: str | None,
+    overrides: list[str],
+    pool: list[str],
+    pool_half: list[str],
+    episodes: int,
+) -> str: ...
 def evaluate_policy(
     policy: Policy, keywords: Keywords, episodes: int, seed: int, lock_step: int
 ) -> tuple[str, str, int]: ...

@@ -6,7 +6,7 @@ use anyhow::Result;
 use clap::{Parser, Subcommand};
 use jostle_runs::output::{self, PROGRAM_OF_CHECKOUT};
 use jostle_runs::stop;
-use jostle_study::{reproduce, ship, verify};
+use jostle_study::{leaderboard, reproduce, ship, verify};
 use jostle_view::{demo, play, replay};
 
 use crate::trainings::Here;
@@ -28,6 +28,8 @@ pub enum Command {
     Evaluate(evaluate::EvaluateArgs),
     /// Print the paper's tables, figures and claims beside our own: from shipped policies, or trained from nothing.
     Reproduce(reproduce::ReproduceArgs),
+    /// Rank robots on the standard suite; every entry runs again to the bit.
+    Leaderboard(leaderboard::LeaderboardArgs),
     /// Put the policies of finished runs into `checkpoints/`, with a manifest.
     Ship(ship::ShipArgs),
     /// Verify what is shipped: files, training curves, stored results.
@@ -70,6 +72,7 @@ impl Command {
             Self::Evaluate(args) => evaluate::run(&args),
             Self::Export(args) => export::run(&args),
             Self::Reproduce(args) => reproduce::run(&args, &Here),
+            Self::Leaderboard(args) => leaderboard::run(&args),
             Self::Ship(args) => ship::run(&args),
             Self::Verify(args) => verify::run(&args),
             Self::Demo(args) => demo::run(&args),

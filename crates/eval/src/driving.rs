@@ -130,6 +130,12 @@ impl DrivingSummary {
         ]
     }
 
+    /// The largest value that each of [`Self::columns`] can have: 1 of a share. The least of all is 0.
+    pub const LARGEST: [f64; 12] = {
+        const ANY: f64 = f64::INFINITY;
+        [1.0, 1.0, 1.0, ANY, ANY, 1.0, 1.0, 1.0, 1.0, ANY, ANY, 1.0]
+    };
+
     /// A summary without a value.
     pub const EMPTY: Self = Self {
         spl: None,
@@ -193,6 +199,10 @@ mod tests {
         assert!((summary.mean_squared_jerk.unwrap() - 9.0).abs() < 1e-12);
         assert_eq!(summary.stalled_time, Some(2.5));
         assert_eq!(summary.deadlocks, Some(0.25), "who crashed while standing is no deadlock");
+        let unbounded = summary.columns().into_iter().zip(DrivingSummary::LARGEST);
+        let unbounded: Vec<&str> =
+            unbounded.filter(|(_, largest)| *largest > 1.0).map(|((name, ..), _)| name).collect();
+        assert_eq!(unbounded, ["min_clearance", "min_clearance_tail", "mean_squared_jerk", "stalled_time"]);
         let without = DrivingSummary::new(&scale, episodes(3));
         assert_eq!(without.spl, summary.spl);
         assert_eq!((without.min_clearance, without.ttc_below, without.deadlocks), (None, [None; 2], None));

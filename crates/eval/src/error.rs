@@ -29,6 +29,14 @@ pub enum EvalError {
         /// The fault.
         problem: String,
     },
+    /// A file is no entry of a leaderboard.
+    #[error("{}: {problem}", file.display())]
+    Board {
+        /// The file.
+        file: PathBuf,
+        /// What is wrong with it.
+        problem: String,
+    },
     /// A line of a record file is not a record.
     #[error("{}: line {line}: {problem}", file.display())]
     Record {

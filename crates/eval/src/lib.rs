@@ -1,6 +1,6 @@
 //! Tests of a robot among crowds: paired episodes, records, statistics and reports (paper, section "Experiments").
 //!
-//! Reading order: [`protocol`] (a policy in a crowd), [`suite`] (harder places); [`metrics`], [`driving`] and [`statistics`] (what is
+//! Reading order: [`protocol`] (a policy in a crowd), [`suite`] (harder places), [`board`] (a leaderboard of them); [`metrics`], [`driving`] and [`statistics`] (what is
 //! summed up, and how sure it is), [`diversity`] (the metric D); [`cell`], [`records`] and [`compact`] (what is kept), [`report`] (what is printed). The episodes themselves are `jostle_arena`'s.
 //!
 //! Architecture invariants: nothing here trains or knows the trainer; no result depends on the clock, the number of
@@ -8,6 +8,7 @@
 
 #![forbid(unsafe_code)]
 
+pub mod board;
 pub mod cell;
 pub mod compact;
 pub mod diversity;

@@ -12,6 +12,7 @@ use jostle_arena::identity::short;
 use jostle_eval::compact::CompactCell;
 use jostle_ppo::{Config, Trainer};
 
+use crate::leaderboard;
 use crate::reproduce::plan::Plan;
 use crate::ship::curve::{first_difference, without_clock};
 use crate::ship::manifest::{self, FOLDER_MAX, MANIFEST, Manifest};
@@ -48,7 +49,8 @@ enum What {
         #[arg(long, value_name = "N", default_value_t = crate::ship::curve::FIRST)]
         updates: usize,
     },
-    /// Every stored cell: that it can be read, stands under its own hash, and is of shipped policies alone.
+    /// Every stored cell: that it can be read, stands under its own hash, and is of shipped policies alone; and every entry of the
+    /// leaderboard.
     Results {
         /// Folder of results (default: `results/` of this repository).
         #[arg(long, value_name = "DIR")]
@@ -181,5 +183,10 @@ fn results(folder: &std::path::Path, checkpoints: &std::path::Path) -> Result<()
     output::result(&format!(
         "{count} cells, {episodes} episodes; `{} reproduce all --fresh` runs them again and compares\n",
         output::program()
-    ))
+    ))?;
+    let board = leaderboard::default_folder(folder);
+    if board.is_dir() {
+        output::result(&format!("{}\n", leaderboard::check(&board, checkpoints)?))?;
+    }
+    Ok(())
 }

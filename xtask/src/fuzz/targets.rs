@@ -10,12 +10,14 @@ use jostle_arena::driving::DrivingMeter;
 use jostle_arena::identity::PolicyIdentity;
 use jostle_arena::loaded::LoadedPolicy;
 use jostle_arena::metrics::{EpisodeMetrics, MetricScale};
+use jostle_arena::recording::RecordingConfig;
 use jostle_arena::robot::TrainedRobot;
+use jostle_arena::room::{ArenaRoom, RoomPlan};
 use jostle_eval::records::{EpisodeRecord, read_records};
-use jostle_peds::CrowdKind;
+use jostle_peds::{Command, CrowdKind};
 use jostle_policy::Backend;
 use jostle_ppo::{Config, Trainer};
-use jostle_sim::{Rooms, SimConfig, StreamRng, Streams};
+use jostle_sim::{Laser, Rooms, SimConfig, StreamRng, Streams};
 use rand::RngExt as _;
 
 use super::archive::{Archive, damage_png};
@@ -38,7 +40,7 @@ pub(super) struct Target {
 }
 
 /// All parsers of files that a stranger may have made.
-pub(super) const TARGETS: [Target; 8] = [
+pub(super) const TARGETS: [Target; 9] = [
     Target { name: "config", prepare: config },
     Target { name: "checkpoint", prepare: checkpoint },
     Target { name: "policy", prepare: policy },
@@ -47,6 +49,7 @@ pub(super) const TARGETS: [Target; 8] = [
     Target { name: "map-png", prepare: map_png },
     Target { name: "polygons", prepare: polygons },
     Target { name: "records", prepare: records },
+    Target { name: "recording", prepare: recording },
 ];
 
 /// A run of two agents with 16 beams.
@@ -245,6 +248,46 @@ fn records(scratch: &Path) -> Result<Case> {
         fs::write(&path, bytes)?;
         Ok(verdict(read_records(&path)))
     }))
+}
+
+/// Recorded people in every form; those that are accepted walk a few steps.
+fn recording(scratch: &Path) -> Result<Case> {
+    let (mut plain, mut obsmat, mut trajnet) = (String::new(), String::new(), String::new());
+    trajnet += "{\"scene\": {\"id\": 0, \"p\": 1, \"s\": 0, \"e\": 50, \"fps\": 2.5, \"tag\": [1, []]}}\n";
+    for frame in (0..=50).step_by(10) {
+        for (id, y) in [(1, 0.0), (2, 6.5)] {
+            let x = f64::from(frame) * 0.06;
+            plain += &format!("{frame} {id} {x} {y}\n");
+            obsmat += &format!("{frame}.0e+00 {id}.0e+00 {x} 0 {y} 0.9 0 0\n");
+            trajnet += &format!("{{\"track\": {{\"f\": {frame}, \"p\": {id}, \"x\": {x}, \"y\": {y}}}}}\n");
+        }
+    }
+    let files = [("input.txt", plain), ("obsmat.txt", obsmat), ("input.ndjson", trajnet)]
+        .map(|(name, text)| (scratch.join(name), text));
+    Ok(Box::new(move |rng| {
+        let (path, text) = &files[rng.random_range(0..files.len())];
+        let mut bytes = text.as_bytes().to_vec();
+        mutate(&mut bytes, rng);
+        fs::write(path, bytes)?;
+        let max_gap = rng.random::<bool>().then_some(5.0);
+        Ok(verdict(walk_through(path, max_gap)))
+    }))
+}
+
+/// Reads a recording and makes a room of it for a few steps.
+fn walk_through(path: &Path, max_gap: Option<f64>) -> Result<(), jostle_arena::ArenaError> {
+    let mut base = ArenaConfig::default();
+    base.sim.laser.beams = 16;
+    let config = RecordingConfig::read(path, None, max_gap, 0.1)?.config(&base)?;
+    let plan = RoomPlan::new(&config, CrowdKind::Recorded)?;
+    let mut room = ArenaRoom::new(&plan, &Laser::new(&config.sim.laser)?, 0)?;
+    let still = vec![Command::STILL; config.n_pedestrians()];
+    for _ in 0..3 {
+        if room.step(&plan, [1.0, 0.5], &still)?.is_some() {
+            break;
+        }
+    }
+    Ok(())
 }
 
 /// A room of 16 by 12 cells with a few obstacles.

@@ -73,11 +73,20 @@ impl PooledCell {
             [one] => one.interval,
             _ => Contrast::from_groups(std::slice::from_ref(&values)).map(|contrast| contrast.interval(0.95)),
         };
-        let interval = interval.map(|ends| {
-            if is_rate { Interval { low: ends.low.max(0.0), high: ends.high.min(1.0) } } else { ends }
-        });
         let stds: Vec<f64> = seeds.iter().filter_map(|seed| seed.std).collect();
-        Self { value: mean(&values), interval, std: mean(&stds), seeds }
+        let cell = Self { value: mean(&values), interval, std: mean(&stds), seeds };
+        if is_rate { cell.within(0.0, 1.0) } else { cell }
+    }
+
+    /// The same with its intervals cut to the values that there can be.
+    #[must_use]
+    pub fn within(mut self, least: f64, largest: f64) -> Self {
+        let cut = |ends: Interval| Interval { low: ends.low.max(least), high: ends.high.min(largest) };
+        self.interval = self.interval.map(cut);
+        for seed in &mut self.seeds {
+            seed.interval = seed.interval.map(cut);
+        }
+        self
     }
 
     /// Means of several cells, seed by seed: the average over crowds. Its interval with one seed is that of the mean of
@@ -437,6 +446,22 @@ mod tests {
         let half = 4.302_652_73 / 3.0_f64.sqrt();
         assert!((mean.interval.unwrap().high - 2.0 - half).abs() < 1e-8);
         assert_eq!(SeedValue::mean(1, &[]).value, None);
+    }
+
+    /// Student's interval of 0.7, 0.8 and 0.99 ends at 1.19; of a number that is no share it stays.
+    #[test]
+    fn intervals_end_where_values_end() {
+        let seeds = || [0.7, 0.8, 0.99].map(|value| SeedValue::number(1, value)).to_vec();
+        let free = PooledCell::from_seeds(seeds(), false);
+        let ends = free.interval.unwrap();
+        assert!((ends.high - 1.195).abs() < 1e-3 && (ends.low - 0.465).abs() < 1e-3, "{ends:?}");
+        let cut = free.clone().within(0.5, 1.0);
+        assert_eq!((cut.interval, cut.value), (Some(Interval { low: 0.5, high: 1.0 }), free.value));
+        assert_eq!(PooledCell::from_seeds(seeds(), true).interval.unwrap().high, 1.0);
+        // The normal interval of one seed's average, in its own line of the CSV as well.
+        let all = PooledCell::from_seeds(vec![SeedValue::rate(1, 20, 20)], true);
+        let average = PooledCell::average(&[Some(&all), Some(&all)]).unwrap();
+        assert_eq!(average.seeds[0].interval.unwrap().high, 1.0);
     }
 
     #[test]

@@ -49,6 +49,21 @@ pub struct SuiteScore {
     pub cvar: f64,
 }
 
+impl SuiteScore {
+    /// The score of cells, each with its scene, its crowd and its success rate; `None` where there is none.
+    pub fn new<'a>(cells: impl IntoIterator<Item = (&'a str, CrowdName, f64)>) -> Option<Self> {
+        let mut all = Vec::new();
+        let mut worst: Option<WorstCell> = None;
+        for (scene, crowd, rate) in cells {
+            all.push(rate);
+            if worst.as_ref().is_none_or(|worst| rate < worst.success_rate) {
+                worst = Some(WorstCell { scene: scene.to_owned(), crowd, success_rate: rate });
+            }
+        }
+        Some(Self { mean: mean(&all)?, worst: worst?, cvar: cvar(&all, CVAR_SHARE)? })
+    }
+}
+
 /// A policy on a suite.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SuiteReport {
@@ -213,18 +228,13 @@ fn mean(values: &[f64]) -> Option<f64> {
 }
 
 fn score(scenes: &[SceneResult]) -> Option<SuiteScore> {
-    let mut all = Vec::new();
-    let mut worst: Option<WorstCell> = None;
-    for scene in scenes {
-        for cell in &scene.cells {
-            let Some(rate) = cell.summary.success_rate else { continue };
-            all.push(rate);
-            if worst.as_ref().is_none_or(|worst| rate < worst.success_rate) {
-                worst = Some(WorstCell { scene: scene.scene.clone(), crowd: cell.crowd, success_rate: rate });
-            }
-        }
-    }
-    Some(SuiteScore { mean: mean(&all)?, worst: worst?, cvar: cvar(&all, CVAR_SHARE)? })
+    let rated = |scene: &'_ SceneResult| {
+        let rate = |cell: &CellResult| Some((cell.crowd, cell.summary.success_rate?));
+        scene.cells.iter().filter_map(rate).collect::<Vec<_>>()
+    };
+    SuiteScore::new(scenes.iter().flat_map(|scene| {
+        rated(scene).into_iter().map(move |(crowd, rate)| (scene.scene.as_str(), crowd, rate))
+    }))
 }
 
 #[cfg(test)]

@@ -36,8 +36,7 @@ pub(super) fn evaluate(
     let failure = Arc::default();
     let width = settings.config.sim.observation_len();
     let n_rows = usize::try_from(episodes).map_or(lock_step, |episodes| episodes.min(lock_step));
-    let observations = zeros.call1(((n_rows, width),))?.unbind();
-    let mut robot = PythonRobot { act, observations, width, failure: Arc::clone(&failure) };
+    let mut robot = PythonRobot::new(act, &zeros, n_rows, width, Arc::clone(&failure))?;
     let identity = PolicyIdentity::custom(name, "");
     let run = run(py, settings, &mut robot, &Subject { identity: &identity, token: 0 }, episodes);
     // An exception of Python's comes before the refusal that it led to.
@@ -116,7 +115,7 @@ fn run(
 }
 
 /// A robot that a Python function drives. The rooms write what they see straight into Python's array.
-struct PythonRobot {
+pub(super) struct PythonRobot {
     act: Py<PyAny>,
     observations: Py<PyAny>,
     width: usize,
@@ -124,6 +123,24 @@ struct PythonRobot {
 }
 
 impl PythonRobot {
+    /// A robot that `act` drives, with an array of `zeros` for as many rows. What Python raises is left in `failure`.
+    pub(super) fn new(
+        act: Py<PyAny>,
+        zeros: &Bound<'_, PyAny>,
+        n_rows: usize,
+        width: usize,
+        failure: Arc<Mutex<Option<PyErr>>>,
+    ) -> PyResult<Self> {
+        let observations = zeros.call1(((n_rows, width),))?.unbind();
+        Ok(Self { act, observations, width, failure })
+    }
+
+    /// The same robot, with the same array: both must not be asked at once.
+    pub(super) fn clone_ref(&self, py: Python<'_>) -> Self {
+        let (act, observations) = (self.act.clone_ref(py), self.observations.clone_ref(py));
+        Self { act, observations, width: self.width, failure: Arc::clone(&self.failure) }
+    }
+
     fn ask(&self, rows: Rows<'_, '_>, actions: &mut [[f32; 2]]) -> PyResult<()> {
         Python::attach(|py| {
             let observations = self.observations.bind(py);

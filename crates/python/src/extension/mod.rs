@@ -1,6 +1,6 @@
 //! The classes and functions of the Python module `jostle._jostle`.
 //!
-//! Reading order: [`crowd_rooms`], [`robot_room`], [`evaluate`], [`policy`], [`planner`]; [`arguments`] holds what they share. Every array is
+//! Reading order: [`crowd_rooms`], [`robot_room`], [`evaluate`], [`board`], [`policy`], [`planner`]; [`arguments`] holds what they share. Every array is
 //! Python's, C-contiguous and of the type that is asked for; the Python side sees to both.
 
 #![allow(
@@ -10,6 +10,7 @@
 )]
 
 mod arguments;
+mod board;
 mod crowd_rooms;
 mod evaluate;
 mod planner;
@@ -23,6 +24,8 @@ use pyo3::prelude::*;
 mod _jostle {
     use pyo3::prelude::*;
 
+    #[pymodule_export]
+    use super::board::board_entry;
     #[pymodule_export]
     use super::crowd_rooms::PyCrowdRooms;
     #[pymodule_export]

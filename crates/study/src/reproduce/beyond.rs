@@ -109,10 +109,11 @@ pub(super) fn driving(evaluator: &mut RowEvaluator) -> Result<PooledTable> {
             let (.., value) = summary.columns()[i];
             SeedValue { seed: *seed, value, std: None, interval: None, episodes: 0 }
         };
-        let columns = 0..DrivingSummary::EMPTY.columns().len();
-        columns
-            .map(|i| Some(PooledCell::from_seeds(seeds.iter().map(|seed| value(seed, i)).collect(), false)))
-            .collect()
+        let cell = |(i, largest): (usize, f64)| {
+            let values = seeds.iter().map(|seed| value(seed, i)).collect();
+            Some(PooledCell::from_seeds(values, false).within(0.0, largest))
+        };
+        DrivingSummary::LARGEST.into_iter().enumerate().map(cell).collect()
     };
     let mut rows = Vec::new();
     for name in DRIVERS {

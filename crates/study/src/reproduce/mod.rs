@@ -17,7 +17,7 @@ mod page;
 mod paths;
 pub(crate) mod plan;
 mod planners;
-mod policies;
+pub(crate) mod policies;
 mod small;
 mod tables;
 mod training;

@@ -28,8 +28,14 @@ const OVERVIEW: &str = "overview";
 const NOTHING: &str = "*Not run yet.*\n";
 
 /// The pages with tables, the one with all of them first.
-const PAGES: [&str; 5] =
-    ["docs/reproduction.md", "README.md", "docs/study.md", "docs/planners.md", "docs/how-to-dynamics.md"];
+const PAGES: [&str; 6] = [
+    "docs/reproduction.md",
+    "README.md",
+    "docs/study.md",
+    "docs/planners.md",
+    "docs/how-to-dynamics.md",
+    "docs/leaderboard.md",
+];
 
 /// The page that is written whole.
 pub(super) const CARDS: &str = "docs/model-cards.md";
@@ -122,6 +128,7 @@ mod tests {
                 "docs/study.md" => &["study/summary"],
                 "docs/planners.md" => &["table1"],
                 "docs/how-to-dynamics.md" => &["dynamics"],
+                "docs/leaderboard.md" => &["leaderboard/leaderboard"],
                 _ => &[
                     "table1", "table2", "table3", "table4", "table5", "claims", "tokens", "outcomes",
                     "driving",
