@@ -81,6 +81,9 @@ pub struct Entrant {
     pub sim: SimConfig,
 }
 
+/// Makes an entrant's robot for the rooms of a plan.
+pub type MakeRobot<'f> = &'f mut dyn FnMut(&RoomPlan) -> Result<Box<dyn Robot>, ArenaError>;
+
 /// What every entry is run on.
 #[derive(Clone, Debug)]
 pub struct Board {
@@ -210,7 +213,7 @@ impl Board {
     pub fn run(
         &self,
         entrant: &Entrant,
-        robot: &mut dyn FnMut(&RoomPlan) -> Result<Box<dyn Robot>, ArenaError>,
+        robot: MakeRobot<'_>,
         progress: &mut dyn FnMut(&str, CrowdKind, u64),
     ) -> Result<BoardEntry, EvalError> {
         check_name(&entrant.name).map_err(|(found, expected)| EvalError::Setting {

@@ -58,7 +58,7 @@ pub struct LeaderboardArgs {
     /// Store an entry that comes out otherwise instead of failing.
     #[arg(long)]
     replace: bool,
-    /// Column by which the printed table is sorted, such as mean, CVaR, VO, doorway, SPL.
+    /// Column by which the printed table is sorted, such as mean, worst, VO, doorway, SPL.
     #[arg(long, value_name = "COLUMN", default_value = "mean")]
     sort: String,
     /// Check the stored entries and pages, and run nothing.
@@ -185,14 +185,10 @@ fn kind_of(planner: Planner) -> EntryKind {
 /// The line that runs an entry again, from the root of a checkout.
 fn command(args: &LeaderboardArgs, path: &Path) -> String {
     let below = path.strip_prefix(workspace()).unwrap_or(path);
-    let mut words = format!("{PROGRAM_OF_CHECKOUT} leaderboard {}", below.display());
-    if let Some(name) = &args.name {
-        words += &format!(" --name {name}");
-    }
-    if args.token != 0 {
-        words += &format!(" --token {}", args.token);
-    }
-    format!("{words} --episodes {}", args.episodes)
+    let name = args.name.as_ref().map_or_else(String::new, |name| format!(" --name {name}"));
+    let token = if args.token == 0 { String::new() } else { format!(" --token {}", args.token) };
+    let robot = below.display();
+    format!("{PROGRAM_OF_CHECKOUT} leaderboard {robot}{name}{token} --episodes {}", args.episodes)
 }
 
 /// The entries of a folder by the names of their files.

@@ -1,5 +1,6 @@
 //! The targets: for each kind of file, a valid start, and the function that a command would call.
 
+use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
@@ -257,9 +258,9 @@ fn recording(scratch: &Path) -> Result<Case> {
     for frame in (0..=50).step_by(10) {
         for (id, y) in [(1, 0.0), (2, 6.5)] {
             let x = f64::from(frame) * 0.06;
-            plain += &format!("{frame} {id} {x} {y}\n");
-            obsmat += &format!("{frame}.0e+00 {id}.0e+00 {x} 0 {y} 0.9 0 0\n");
-            trajnet += &format!("{{\"track\": {{\"f\": {frame}, \"p\": {id}, \"x\": {x}, \"y\": {y}}}}}\n");
+            writeln!(plain, "{frame} {id} {x} {y}")?;
+            writeln!(obsmat, "{frame}.0e+00 {id}.0e+00 {x} 0 {y} 0.9 0 0")?;
+            writeln!(trajnet, "{{\"track\": {{\"f\": {frame}, \"p\": {id}, \"x\": {x}, \"y\": {y}}}}}")?;
         }
     }
     let files = [("input.txt", plain), ("obsmat.txt", obsmat), ("input.ndjson", trajnet)]

@@ -33,8 +33,11 @@ struct Column {
     decimals: usize,
     /// Whether its values are shares, which are coloured.
     is_share: bool,
-    value: Box<dyn Fn(&BoardEntry) -> Option<f64>>,
+    value: Value,
 }
+
+/// What a column shows of an entry; nothing where the entry has no such value.
+type Value = Box<dyn Fn(&BoardEntry) -> Option<f64>>;
 
 /// The groups of columns and what they are called.
 const GROUPS: [(&str, &str); 3] =
@@ -130,7 +133,7 @@ pub fn html(entries: &[BoardEntry]) -> String {
         );
     }
     let rows: String = ranked(entries).iter().map(|entry| row(entry, &columns)).collect();
-    let groups: String = GROUPS
+    let groups: Vec<String> = GROUPS
         .iter()
         .enumerate()
         .map(|(i, (group, name))| {
@@ -138,12 +141,13 @@ pub fn html(entries: &[BoardEntry]) -> String {
             format!("<button data-group=\"{group}\" aria-pressed=\"{pressed}\">{name}</button>")
         })
         .collect();
-    let notes: String = notes(entries).iter().map(|note| format!("<li>{}</li>", escaped(note))).collect();
+    let notes: Vec<String> =
+        notes(entries).iter().map(|note| format!("<li>{}</li>", escaped(note))).collect();
     TEMPLATE
-        .replace("<!-- groups -->", &groups)
+        .replace("<!-- groups -->", &groups.concat())
         .replace("<!-- heads -->", &heads)
         .replace("<!-- rows -->", &rows)
-        .replace("<!-- notes -->", &notes)
+        .replace("<!-- notes -->", &notes.concat())
         .replace("/* script */", SCRIPT)
 }
 
@@ -182,11 +186,12 @@ fn row(entry: &BoardEntry, columns: &[Column]) -> String {
 /// What an entry shows when it is opened: who it is, its line, and every cell.
 fn details(entry: &BoardEntry) -> String {
     let crowds = entry.crowds();
-    let heads: String = crowds.iter().map(|crowd| format!("<th>{}</th>", escaped(crowd.as_str()))).collect();
+    let heads: Vec<String> =
+        crowds.iter().map(|crowd| format!("<th>{}</th>", escaped(crowd.as_str()))).collect();
     let mut rows = String::new();
     for scene in entry.scenes() {
         let cells = entry.cells.iter().filter(|cell| cell.scene == scene);
-        let cells: String = cells
+        let cells: Vec<String> = cells
             .map(|cell| {
                 let title = format!(
                     "{} of {}: {} hit a pedestrian, {} a wall, {} ran out of time; sha256 of the episodes {}",
@@ -201,17 +206,18 @@ fn details(entry: &BoardEntry) -> String {
                 format!("<td class=\"share\" style=\"--share:{rate:.3}\" title=\"{title}\">{rate:.2}</td>")
             })
             .collect();
-        let _ = write!(rows, "<tr><th>{}</th>{cells}</tr>", escaped(scene));
+        let _ = write!(rows, "<tr><th>{}</th>{}</tr>", escaped(scene), cells.concat());
     }
     format!(
         "<p>{}</p><p><code>{}</code></p><p class=\"sha\">sha256 {}, z = {}, seed {}, {} episodes a cell</p>\
-         <table class=\"cells\"><tr><td></td>{heads}</tr>{rows}</table>",
+         <table class=\"cells\"><tr><td></td>{}</tr>{rows}</table>",
         escaped(&entry.about),
         escaped(&entry.command),
         escaped(&entry.policy.sha256),
         entry.token,
         entry.seed,
-        entry.episodes
+        entry.episodes,
+        heads.concat()
     )
 }
 
@@ -247,7 +253,7 @@ fn interval(entry: &BoardEntry) -> String {
 
 /// All columns of numbers: scores first, then crowds and scenes as an entry has them.
 fn columns(entry: Option<&BoardEntry>) -> Vec<Column> {
-    let column = |group, head: &str, about: &str, value: Box<dyn Fn(&BoardEntry) -> Option<f64>>| Column {
+    let column = |group, head: &str, about: &str, value: Value| Column {
         group,
         head: head.to_owned(),
         about: about.to_owned(),
