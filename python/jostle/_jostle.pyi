@@ -134,7 +134,7 @@ def evaluate(
 def board_entry(
     act: Callable[[NDArray[np.float32], int], NDArray[np.float32]],
     zeros: Callable[[tuple[int, int]], NDArray[np.float32]],
-    about: dict[str, str],
+    words: dict[str, str],
     config: str | None,
     overrides: list[str],
     pool: list[str],

@@ -14,7 +14,7 @@ use super::evaluate::PythonRobot;
 
 /// What an entry says of itself.
 #[derive(FromPyObject)]
-pub(super) struct About {
+pub(super) struct Words {
     #[pyo3(item)]
     name: String,
     #[pyo3(item)]
@@ -31,7 +31,7 @@ pub(super) fn board_entry(
     py: Python<'_>,
     act: Py<PyAny>,
     zeros: Bound<'_, PyAny>,
-    about: About,
+    words: Words,
     config: Option<PathBuf>,
     overrides: Vec<String>,
     pool: Vec<PathBuf>,
@@ -43,7 +43,7 @@ pub(super) fn board_entry(
     let pools = jostle_runs::policies::pools(&pool, &pool_half, &CrowdKind::PAPER, "pool_half");
     let (pools, crowds) = (pools.map_err(value_error)?, CrowdKind::PAPER.to_vec());
     let board = Board { suite: Suite::standard(), crowds, episodes, seed: 0, pools };
-    let About { name, version, about, command } = about;
+    let Words { name, version, about, command } = words;
     let policy = PolicyIdentity::custom(&name, &version);
     let width = sim.observation_len();
     let entrant = Entrant { name, kind: EntryKind::Own, about, command, policy, token: 0, sim };

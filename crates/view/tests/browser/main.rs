@@ -1,12 +1,13 @@
-//! `cargo xtask ci --web`: the replay page and the live page in a real browser, without a window.
+//! `cargo xtask ci --web`: the replay page, the live page and the leaderboard in a real browser, without a window.
 //!
-//! Reading order: [`replay_page`] and [`live_page`] (what is checked), [`access`] (without a mouse, without eyes), [`frames`] (how smoothly), [`tab`] (a page and a visitor's hands), [`devtools`]
+//! Reading order: [`replay_page`], [`live_page`] and [`board_page`] (what is checked), [`access`] (without a mouse, without eyes), [`frames`] (how smoothly), [`tab`] (a page and a visitor's hands), [`devtools`]
 //! (the protocol), [`chromium`] (the program).
 //!
 //! Rejected: a crate for the whole DevTools protocol. The dozen calls that are made here need a WebSocket and JSON, which
 //! are there already.
 
 mod access;
+mod board_page;
 mod chromium;
 mod devtools;
 mod frames;
@@ -26,16 +27,17 @@ use jostle_runs::provenance::workspace;
 /// A window as on a desk, and as on a telephone.
 const SIZES: [(&str, u32, u32); 2] = [("desk", 1280, 800), ("phone", 390, 844)];
 
-/// Both pages at both sizes; screenshots go to `runs/web`.
+/// All pages at both sizes; screenshots go to `runs/web`.
 #[test]
 #[ignore = "needs Chromium: `cargo xtask ci --web` runs it"]
-fn both_pages_work() -> Result<()> {
+fn all_pages_work() -> Result<()> {
     let browser = Chromium::start()?;
     let folder = workspace().join("runs/web");
     std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
     let replay = replay_page::write(&folder)?;
     let live = live_page::serve()?;
     let axe = access::axe()?;
+    let board = board_page::write(&folder)?;
     for (name, width, height) in SIZES {
         in_tab(
             &browser,
@@ -49,7 +51,11 @@ fn both_pages_work() -> Result<()> {
         let picture = folder.join(format!("live-{name}.png"));
         in_tab(&browser, &live, (width, height), &picture, &axe, live_page::check)
             .with_context(|| format!("live page, {name}"))?;
-        note(&format!("web: both pages work at {width} × {height}"));
+        let mut tab = Tab::open(&browser, (width, height))?;
+        let checked = tab.go(&board).and_then(|()| board_page::check(&mut tab));
+        checked.and_then(|()| tab.check_quiet()).with_context(|| format!("leaderboard, {name}"))?;
+        tab.screenshot(&folder.join(format!("leaderboard-{name}.png")))?;
+        note(&format!("web: all pages work at {width} × {height}"));
     }
     live_page::check_strangers(&live)?;
     smoothly(&browser, &folder, &live)?;
