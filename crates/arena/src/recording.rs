@@ -16,7 +16,7 @@ use sha2::{Digest, Sha256};
 use crate::config::ArenaConfig;
 use crate::error::ArenaError;
 
-/// What the room has beyond the recorded places on each side (m).
+/// Margin of the room beyond the recorded places on each side (m).
 const MARGIN: f32 = 2.0;
 /// A pedestrian whose track begins nearer to the robot than this is not there before it is as far (m): nobody is hit by
 /// someone who came out of nothing.
@@ -74,7 +74,7 @@ impl RecordingConfig {
     ///
     /// # Errors
     ///
-    /// What the other settings break.
+    /// Settings that do not fit the room or the number of people.
     pub fn config(&self, base: &ArenaConfig) -> Result<ArenaConfig, ArenaError> {
         let mut config = base.clone();
         let mut room = RoomConfig::default();
@@ -110,7 +110,7 @@ pub(crate) struct Playback {
     /// The recording's step at which the episode starts.
     first: u32,
     dt: f32,
-    /// Where slots without a pedestrian wait, beyond the walls.
+    /// The place of slots without a pedestrian, beyond the walls.
     waiting: Vec2,
     /// The track that is shown in each slot.
     shown: Vec<Option<usize>>,
@@ -145,12 +145,12 @@ impl Playback {
         Self { recording, first, dt, waiting: walls.1 + 100.0, shown, headings }
     }
 
-    /// Whether somebody is shown in a slot.
+    /// True while somebody is shown in a slot.
     pub(crate) fn is_shown(&self, slot: usize) -> bool {
         self.shown[slot].is_some()
     }
 
-    /// Where the body of a slot is at an episode's step. A pedestrian is not shown before it is [`APPEAR`] away from `robot`; at the start,
+    /// The body of a slot at an episode's step. A pedestrian is not shown before it is [`APPEAR`] away from `robot`; at the start,
     /// when the robot is placed after the pedestrians, there is none.
     pub(crate) fn play(&mut self, slot: usize, step: u32, robot: Option<Vec2>) -> Played {
         let now = self.recording.at(slot, self.first + step, self.dt);

@@ -333,7 +333,7 @@ impl ArenaRoom {
         &self.pedestrians
     }
 
-    /// Whether a pedestrian is in the room. A recorded one that has not come yet or has gone waits beyond the walls.
+    /// True while a pedestrian is in the room. A recorded one that has not come yet or has gone waits beyond the walls.
     pub fn is_present(&self, pedestrian: usize) -> bool {
         self.playback.as_ref().is_none_or(|playback| playback.is_shown(pedestrian))
     }

@@ -36,7 +36,7 @@ const FILE_MAX: u64 = 1 << 20;
 /// Most characters of an entry's name.
 const NAME_MAX: usize = 60;
 
-/// What sort of robot an entry is.
+/// The sort of robot that an entry is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum EntryKind {
@@ -62,18 +62,18 @@ impl EntryKind {
     }
 }
 
-/// Who is tested.
+/// A robot that is to be entered.
 #[derive(Clone, Debug)]
 pub struct Entrant {
-    /// What the board calls it; also the name of its file.
+    /// Its name on the board, and that of its file.
     pub name: String,
-    /// What sort of robot it is.
+    /// Its sort.
     pub kind: EntryKind,
     /// A line about it.
     pub about: String,
     /// The line that runs it again.
     pub command: String,
-    /// Who it is.
+    /// Its identity.
     pub policy: PolicyIdentity,
     /// Its behaviour token; 0 for robots without.
     pub token: u32,
@@ -84,7 +84,7 @@ pub struct Entrant {
 /// Makes an entrant's robot for the rooms of a plan.
 pub type MakeRobot<'f> = &'f mut dyn FnMut(&RoomPlan) -> Result<Box<dyn Robot>, ArenaError>;
 
-/// What every entry is run on.
+/// Scenes, crowds and episodes that every entry is run on.
 #[derive(Clone, Debug)]
 pub struct Board {
     /// The scenes.
@@ -129,15 +129,15 @@ pub struct BoardCell {
 pub struct BoardEntry {
     /// [`FORMAT`].
     pub format: String,
-    /// What the board calls it; also the name of its file.
+    /// Its name on the board, and that of its file.
     pub name: String,
-    /// What sort of robot it is.
+    /// Its sort.
     pub kind: EntryKind,
     /// A line about it.
     pub about: String,
     /// The line that runs it again.
     pub command: String,
-    /// Who it is.
+    /// Its identity.
     pub policy: PolicyIdentity,
     /// Its behaviour token.
     pub token: u32,
@@ -149,7 +149,7 @@ pub struct BoardEntry {
     pub episodes: u64,
     /// Success in one number, and in two that look at the worst.
     pub score: SuiteScore,
-    /// How the robot drove, all episodes together.
+    /// Measures of driving, all episodes together.
     pub driving: DrivingSummary,
     /// The cells: scene by scene, the crowds of each in the same order.
     pub cells: Vec<BoardCell>,
@@ -396,7 +396,7 @@ impl BoardEntry {
         Ok(entry)
     }
 
-    /// Whether counts, cells and score fit together.
+    /// Compares counts, cells and score with one another.
     ///
     /// # Errors
     ///

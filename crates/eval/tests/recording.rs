@@ -23,7 +23,7 @@ fn config(step_limit: u32) -> ArenaConfig {
     sample().config(&brief(step_limit)).unwrap()
 }
 
-/// Where the people of an episode are and the robot is, step by step, while the robot repeats an action.
+/// Places of people and robot in an episode, step by step, while the robot repeats an action.
 fn places(episode: u64, action: [f32; 2]) -> Vec<(Vec<Vec2>, Vec2)> {
     let config = config(150);
     let plan = RoomPlan::new(&config, CrowdKind::Recorded).unwrap();

@@ -46,7 +46,7 @@ pub struct LeaderboardArgs {
     /// Robots to run on all cells: checkpoint files, run folders or planners. One that is stored is run again and compared, bit for
     /// bit; without a robot nothing is run and the pages are made.
     robot: Vec<PathBuf>,
-    /// What the board calls the robot (default: the policy's own name).
+    /// Name of the robot on the board (default: the policy's own).
     #[arg(long, value_name = "NAME")]
     name: Option<String>,
     /// Behaviour token of the robots.
@@ -75,7 +75,7 @@ pub struct LeaderboardArgs {
     threads: Option<NonZeroUsize>,
 }
 
-/// Where the repository has its entries.
+/// The folder of the entries below that of the results.
 pub(crate) fn default_folder(results: &Path) -> PathBuf {
     results.join("leaderboard")
 }

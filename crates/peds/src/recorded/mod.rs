@@ -28,7 +28,7 @@ use crate::{
 /// Largest recording that is read, in bytes.
 const FILE_MAX: u64 = 256 << 20;
 
-/// How a file's frames are to be understood.
+/// The meaning of a file's frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RecordingOptions {
     /// Time between two annotated frames of a pedestrian, s. Where it is absent: what the file says (trajnet++), else 0.4 s, at which the
@@ -75,16 +75,16 @@ impl Track {
     }
 }
 
-/// Where a pedestrian is, and how it moves on.
+/// A recorded pedestrian at a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RecordedPedestrian {
     /// Index of its track.
     pub track: usize,
-    /// Where it is, m.
+    /// Its place, m.
     pub position: Vec2,
     /// From here to its next place, m/s; from its last place but one where there is no next.
     pub velocity: Vec2,
-    /// Where its track ends, m.
+    /// The end of its track, m.
     pub goal: Vec2,
 }
 
@@ -213,7 +213,7 @@ impl Recording {
         Some(RecordedPedestrian { track: index, position, velocity: (pair.1 - pair.0) / time_step, goal })
     }
 
-    /// Whether anybody is there at a step.
+    /// True if anybody is there at a step.
     pub fn is_busy(&self, step: u32) -> bool {
         (0..self.n_slots()).any(|slot| self.at(slot, step, 1.0).is_some())
     }

@@ -13,7 +13,7 @@ const SPEED_MAX: f64 = 10.0;
 const COORDINATE_MAX: f64 = 1e5;
 /// Most steps of a recording: a day at ten a second.
 const STEPS_MAX: f64 = 864_000.0;
-/// What rounding may take from a whole number of steps.
+/// The part of a step that rounding may take from a whole number of them.
 const SLACK: f64 = 1e-6;
 
 type Problem = (usize, String);
@@ -59,7 +59,7 @@ pub(super) fn from_rows(
     Ok(Recording::new(tracks, n_left_out))
 }
 
-/// How many frames apart two annotations of a pedestrian are: the most frequent difference, the least of several.
+/// Frames between two annotations of a pedestrian: the most frequent difference, the least of several.
 fn stride<'r>(people: impl Iterator<Item = &'r Vec<Row>>) -> Result<i64, Problem> {
     let mut counts: BTreeMap<i64, usize> = BTreeMap::new();
     for rows in people {

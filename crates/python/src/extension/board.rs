@@ -12,7 +12,7 @@ use pyo3::prelude::*;
 use super::arguments::{base, check_threads, value_error};
 use super::evaluate::PythonRobot;
 
-/// What an entry says of itself.
+/// The texts of an entry.
 #[derive(FromPyObject)]
 pub(super) struct Words {
     #[pyo3(item)]

@@ -20,7 +20,7 @@ pub(crate) struct Cells {
     folder: PathBuf,
     /// Run also what is stored, and compare.
     fresh: bool,
-    /// What this store has run, which is not run twice.
+    /// Cells that this store has run, which are not run twice.
     ran: BTreeSet<PathBuf>,
     /// Cells that were run and were not stored before.
     pub(crate) new: u64,

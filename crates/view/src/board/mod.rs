@@ -14,7 +14,7 @@ use jostle_peds::CrowdName;
 const TEMPLATE: &str = include_str!("page.html");
 const SCRIPT: &str = include_str!("board.js");
 
-/// What a column shows, best at which end.
+/// The end at which a value is good.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Better {
     High,
@@ -25,18 +25,18 @@ enum Better {
 struct Column {
     /// The group that it is shown with.
     group: &'static str,
-    /// What stands above it.
+    /// Its title.
     head: String,
-    /// What the head means, in a line.
+    /// The meaning of the title, in a line.
     about: String,
     better: Better,
     decimals: usize,
-    /// Whether its values are shares, which are coloured.
+    /// True for shares, which are coloured.
     is_share: bool,
     value: Value,
 }
 
-/// What a column shows of an entry; nothing where the entry has no such value.
+/// An entry's value in a column; nothing where the entry has none.
 type Value = Box<dyn Fn(&BoardEntry) -> Option<f64>>;
 
 /// The groups of columns and what they are called.
@@ -183,7 +183,7 @@ fn row(entry: &BoardEntry, columns: &[Column]) -> String {
     row + "</tr>\n"
 }
 
-/// What an entry shows when it is opened: who it is, its line, and every cell.
+/// The part of an entry that is seen when it is opened: identity, line, and every cell.
 fn details(entry: &BoardEntry) -> String {
     let crowds = entry.crowds();
     let heads: Vec<String> =
@@ -221,7 +221,7 @@ fn details(entry: &BoardEntry) -> String {
     )
 }
 
-/// What has to be said of the board.
+/// Notes below the table.
 fn notes(entries: &[BoardEntry]) -> Vec<String> {
     let mut episodes: Vec<u64> = entries.iter().map(|entry| entry.episodes).collect();
     episodes.sort_unstable();

@@ -1,4 +1,4 @@
-//! What has to work on the leaderboard's page, as it is made of the stored entries.
+//! The leaderboard's page, as it is made of the stored entries: everything on it that has to work.
 
 use std::path::Path;
 
@@ -31,7 +31,7 @@ fn column(head: &str) -> String {
     )
 }
 
-/// Whether the values of a column fall (−1) or rise (1) from row to row.
+/// An expression that is true if the values of a column fall (−1) or rise (1) from row to row.
 fn runs(head: &str, way: i32) -> String {
     format!("{}.every((value, k, all) => k === 0 || {way} * (value - all[k - 1]) >= 0)", column(head))
 }
