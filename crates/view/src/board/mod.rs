@@ -167,6 +167,12 @@ fn row(entry: &BoardEntry, columns: &[Column]) -> String {
         } else {
             String::new()
         };
+        let worst = &entry.score.worst;
+        let title = if column.head == "worst" {
+            format!(" title=\"{}, {}\"", escaped(&worst.scene), escaped(worst.crowd.as_str()))
+        } else {
+            String::new()
+        };
         let share_class = match column.better {
             _ if !column.is_share => "",
             Better::High => " share",
@@ -174,7 +180,7 @@ fn row(entry: &BoardEntry, columns: &[Column]) -> String {
         };
         let _ = write!(
             row,
-            "<td class=\"{}{share_class}\" data-value=\"{}\"{}>{shown}{ends}</td>",
+            "<td class=\"{}{share_class}\" data-value=\"{}\"{}{title}>{shown}{ends}</td>",
             column.group,
             value.map_or_else(String::new, |value| value.to_string()),
             share.unwrap_or_default()
@@ -391,7 +397,14 @@ pub(crate) mod tests {
         let page = html(&[entry("one", [9, 8, 7, 4])]);
         assert!(page.contains("drives &lt;b&gt;on&lt;/b&gt;") && !page.contains("<b>on"), "{page}");
         assert!(page.contains("<code>python &quot;mine.py&quot;</code>"));
-        for value in ["data-value=\"0.7", ">0.700 <small>", ">0.800</td>", ">0.300</td>", ">0.40</td>"] {
+        for value in [
+            "data-value=\"0.7",
+            ">0.700 <small>",
+            ">0.800</td>",
+            ">0.300</td>",
+            ">0.40</td>",
+            "title=\"b, SF\">0.400",
+        ] {
             assert!(page.contains(value), "{value}");
         }
         // What a driving summary does not have is a dash that sorts last.
