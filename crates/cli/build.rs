@@ -1,7 +1,8 @@
-//! Stamps the program with the commit that it is built from: the provenance of everything that it trains.
+//! Stamps the program with the commit that it is built from: the provenance of everything that it
+//! trains.
 //!
-//! `JOSTLE_STAMP` is the commit's first ten digits, with `-dirty` where a file that the program is made of differs from it; `unknown`
-//! outside a checkout.
+//! `JOSTLE_STAMP` is the commit's first ten digits, with `-dirty` where a file that the program is
+//! made of differs from it; `unknown` outside a checkout.
 
 use std::path::Path;
 use std::process::Command;

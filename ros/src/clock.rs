@@ -1,9 +1,12 @@
-//! When a command is due: once in each period of the policy, by a steady clock, and if possible right after a scan.
+//! When a command is due: once in each period of the policy, by a steady clock, and if possible
+//! right after a scan.
 //!
-//! Beats are one period apart. A scan that has come since the last command is answered at the beat; a beat without one waits for it
-//! until the window's end. Where scans come at the policy's own rate, commands follow them: one that arrives within the window before
-//! or after the beat is answered at once and beats count from there on; one that came earlier is answered at the window's start, so
-//! that after some beats it comes within the window. Missed beats are not made up for.
+//! Beats are one period apart. A scan that has come since the last command is answered at the beat;
+//! a beat without one waits for it until the window's end. Where scans come at the policy's own
+//! rate, commands follow them: one that arrives within the window before or after the beat is
+//! answered at once and beats count from there on; one that came earlier is answered at the
+//! window's start, so that after some beats it comes within the window. Missed beats are not made
+//! up for.
 
 /// The beat of commands. Times are seconds of one steady clock.
 #[derive(Clone, Debug)]
@@ -75,7 +78,8 @@ impl Clock {
 mod tests {
     use super::*;
 
-    /// Ticks within ten seconds, when scans arrive at these times; the loop wakes up at scans and deadlines.
+    /// Ticks within ten seconds, when scans arrive at these times; the loop wakes up at scans and
+    /// deadlines.
     fn ticks(clock: &mut Clock, scans: &[f64]) -> Vec<f64> {
         let (mut now, mut scans, mut found) = (0.0, scans.iter().copied().peekable(), Vec::new());
         while now < 10.0 {

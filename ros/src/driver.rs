@@ -1,11 +1,13 @@
-//! From messages to commands: everything that this node decides, without ROS and without a clock of its own.
+//! From messages to commands: everything that this node decides, without ROS and without a clock of
+//! its own.
 //!
-//! Whoever calls hands over messages as they arrive and the time of one steady clock, and asks [`Driver::step`] for a command
-//! whenever something has arrived or [`Driver::deadline`] has come.
+//! Whoever calls hands over messages as they arrive and the time of one steady clock, and asks
+//! [`Driver::step`] for a command whenever something has arrived or [`Driver::deadline`] has come.
 //!
-//! Architecture invariant: a command other than zero is only given if the last scan, the last odometry and the goal are there,
-//! young and valid, and the policy has answered with finite numbers; it is always within the [`Limits`]. As soon as that
-//! no longer holds, a zero command is due at once, not only at the next beat.
+//! Architecture invariant: a command other than zero is only given if the last scan, the last
+//! odometry and the goal are there, young and valid, and the policy has answered with finite
+//! numbers; it is always within the [`Limits`]. As soon as that no longer holds, a zero command is
+//! due at once, not only at the next beat.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -33,8 +35,8 @@ pub struct Command {
     pub v: f64,
     /// rad/s.
     pub w: f64,
-    /// When the scan was measured that it answers, by the scanner's clock. Of a zero command it is now, by that clock. The
-    /// origin of time where no scan has come.
+    /// When the scan was measured that it answers, by the scanner's clock. Of a zero command it is
+    /// now, by that clock. The origin of time where no scan has come.
     pub stamp: Time,
     /// Why it is zero, if it is not the policy's.
     pub stop: Option<Stop>,
@@ -52,8 +54,8 @@ struct Fresh {
 }
 
 impl Fresh {
-    /// True if a message says anything new. One with the stamp of the last one does not: whoever sends it is stuck. Without
-    /// stamps every message is new.
+    /// True if a message says anything new. One with the stamp of the last one does not: whoever
+    /// sends it is stuck. Without stamps every message is new.
     fn is_new(&self, stamp: Time) -> bool {
         stamp == Time::default() || self.arrived.is_none() || stamp != self.stamp
     }
@@ -159,7 +161,8 @@ impl Driver {
             self.scan.refused = Some(why);
             return;
         }
-        // A clock that was set back, or messages that now have stamps: what came before is from another time.
+        // A clock that was set back, or messages that now have stamps: what came before is from
+        // another time.
         if stamp < self.scan.stamp || (self.scan.stamp == Time::default() && stamp != Time::default()) {
             self.history.clear();
         }
@@ -237,7 +240,8 @@ impl Driver {
         self.clock.deadline().min(scan).min(odom).min(goal)
     }
 
-    /// The command that is due now, if one is: at each beat, and at once when the robot has to stop.
+    /// The command that is due now, if one is: at each beat, and at once when the robot has to
+    /// stop.
     pub fn step(&mut self, now: f64) -> Option<Command> {
         let beat = self.clock.tick(now);
         let stop = self.stop(now);

@@ -1,7 +1,7 @@
 //! Refusals of this node when it starts: the place, what was found, what was expected.
 //!
-//! A fault later, while the robot may be moving, is no error but a [`Stop`](crate::stop::Stop): a zero command with its
-//! reason.
+//! A fault later, while the robot may be moving, is no error but a [`Stop`](crate::stop::Stop): a
+//! zero command with its reason.
 
 use std::path::PathBuf;
 
@@ -11,7 +11,8 @@ use jostle_runs::RunsError;
 /// Error of this crate.
 #[derive(Debug, thiserror::Error)]
 pub enum RosError {
-    /// A file cannot be read. The message holds the system's reason, which is therefore not handed on as a source.
+    /// A file cannot be read. The message holds the system's reason, which is therefore not handed
+    /// on as a source.
     #[error("{}: cannot read: {reason}", file.display())]
     Read {
         /// The file.

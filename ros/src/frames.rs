@@ -1,9 +1,12 @@
 //! Poses of the robot and its goal: the frames of odometry and goals.
 //!
-//! There is no transform tree here. A goal is understood in one of these frames, and refused in any other:
+//! There is no transform tree here. A goal is understood in one of these frames, and refused in any
+//! other:
 //!
-//! - the odometry's own (`header.frame_id`), or one that `goal.fixed_frames` says has the same origin: a fixed place;
-//! - the robot's (`child_frame_id`): a place seen from where the robot is when the goal arrives, fixed from then on.
+//! - the odometry's own (`header.frame_id`), or one that `goal.fixed_frames` says has the same
+//!   origin: a fixed place;
+//! - the robot's (`child_frame_id`): a place seen from where the robot is when the goal arrives,
+//!   fixed from then on.
 //!
 //! A slash at a name's start is left out, as ROS 1 wrote it.
 
@@ -35,7 +38,8 @@ pub struct Wish {
 ///
 /// # Errors
 ///
-/// Numbers that are not finite, a quaternion that is no rotation, frames without names: what was found, what was expected.
+/// Numbers that are not finite, a quaternion that is no rotation, frames without names: what was
+/// found, what was expected.
 pub fn motion(odometry: &Odometry) -> Result<Motion, String> {
     let (pose, twist) = (&odometry.pose.pose, &odometry.twist.twist);
     let numbers = [pose.position.x, pose.position.y, twist.linear.x, twist.angular.z];

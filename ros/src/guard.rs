@@ -1,9 +1,10 @@
 //! A second process that commands zero where the driving one is killed.
 //!
-//! What a process does on its way out, `kill -9` and a crash of the machine code leave undone: the robot would keep the last command
-//! until its base times out. So the process that a user starts does not drive. It joins the network, starts the driving process, and
-//! waits. If that one ends without having been asked to, zero commands follow within milliseconds. The other way round, the driving
-//! process ends as by a signal when its standard input does: when the guard is killed.
+//! What a process does on its way out, `kill -9` and a crash of the machine code leave undone: the
+//! robot would keep the last command until its base times out. So the process that a user starts
+//! does not drive. It joins the network, starts the driving process, and waits. If that one ends
+//! without having been asked to, zero commands follow within milliseconds. The other way round, the
+//! driving process ends as by a signal when its standard input does: when the guard is killed.
 
 use std::process::{Child, Command as Process, Stdio};
 use std::sync::Arc;
@@ -24,7 +25,8 @@ const PATIENCE: Duration = Duration::from_secs(2);
 /// Zero commands after it ended by itself, a few times each period.
 const ZEROS: u32 = 20;
 
-/// Starts this program again, to drive, and stops the robot if that ends by itself. Commands come every `period` s.
+/// Starts this program again, to drive, and stops the robot if that ends by itself. Commands come
+/// every `period` s.
 ///
 /// # Errors
 ///

@@ -15,7 +15,8 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// The limits of a robot, narrowed by parameters: a parameter above the robot's own limit changes nothing.
+    /// The limits of a robot, narrowed by parameters: a parameter above the robot's own limit
+    /// changes nothing.
     pub fn new(robot: &RobotConfig, params: &CommandParams) -> Self {
         let narrowed = |own: f32, limit: Option<f64>| f64::from(own).min(limit.unwrap_or(f64::INFINITY));
         Self {
@@ -25,10 +26,12 @@ impl Limits {
         }
     }
 
-    /// The command (v, ω) that is given instead of an action, or `None` if the action has a number that is not finite.
+    /// The command (v, ω) that is given instead of an action, or `None` if the action has a number
+    /// that is not finite.
     ///
-    /// v is within 0 and the highest speed, |ω| within the highest turning rate. With a return nearer than the stop distance
-    /// ahead, v is 0; turning stays possible, so that the robot finds a way out.
+    /// v is within 0 and the highest speed, |ω| within the highest turning rate. With a return
+    /// nearer than the stop distance ahead, v is 0; turning stays possible, so that the robot finds
+    /// a way out.
     pub fn apply(&self, action: [f32; 2], returns: &[Return]) -> Option<[f64; 2]> {
         let [v, w] = action.map(f64::from);
         if !(v.is_finite() && w.is_finite()) {

@@ -1,7 +1,9 @@
-//! The ROS 2 messages that are read and written, field by field in the order of their definitions (CDR has no names).
+//! The ROS 2 messages that are read and written, field by field in the order of their definitions
+//! (CDR has no names).
 //!
-//! Definitions: `sensor_msgs/msg/LaserScan`, `nav_msgs/msg/Odometry`, `geometry_msgs/msg/PoseStamped`, `Twist`, `TwistStamped`
-//! of ROS 2 Kilted (<https://github.com/ros2/common_interfaces>). They have not changed since ROS 2 Foxy.
+//! Definitions: `sensor_msgs/msg/LaserScan`, `nav_msgs/msg/Odometry`,
+//! `geometry_msgs/msg/PoseStamped`, `Twist`, `TwistStamped` of ROS 2 Kilted
+//! (<https://github.com/ros2/common_interfaces>). They have not changed since ROS 2 Foxy.
 
 use serde::{Deserialize, Serialize};
 

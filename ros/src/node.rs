@@ -1,7 +1,8 @@
-//! The node on the network: topics in, commands out, one loop that sleeps until a message or a deadline comes.
+//! The node on the network: topics in, commands out, one loop that sleeps until a message or a
+//! deadline comes.
 //!
-//! Whatever ends the loop, zero commands come after it. A second thread publishes them where the loop hangs: a policy that does
-//! not answer cannot drive on.
+//! Whatever ends the loop, zero commands come after it. A second thread publishes them where the
+//! loop hangs: a policy that does not answer cannot drive on.
 
 use std::io::{Read as _, Write as _};
 use std::net::{IpAddr, Ipv4Addr};
@@ -31,7 +32,8 @@ const SIGNAL: Token = Token(0);
 const SCAN: Token = Token(1);
 const ODOM: Token = Token(2);
 const GOAL: Token = Token(3);
-/// Periods without a turn of the loop after which it is taken to hang. It turns at each beat, which may come a window late.
+/// Periods without a turn of the loop after which it is taken to hang. It turns at each beat, which
+/// may come a window late.
 const LONGEST: f64 = 1.75;
 /// Zero commands at the end, and the time between them.
 const LAST: (u32, Duration) = (3, Duration::from_millis(15));
@@ -133,7 +135,8 @@ impl Out {
     }
 }
 
-/// A subscriber that is dead or asleep may leave no room for a command; the next one follows within a period.
+/// A subscriber that is dead or asleep may leave no room for a command; the next one follows within
+/// a period.
 fn sent<M>(result: Result<(), WriteError<M>>) -> Result<(), RosError> {
     match result {
         Ok(()) | Err(WriteError::WouldBlock { .. }) => Ok(()),
@@ -155,7 +158,8 @@ impl RosNode {
     ///
     /// # Errors
     ///
-    /// Names that are none; variables of ROS that are not what they may be; a transport that cannot be had.
+    /// Names that are none; variables of ROS that are not what they may be; a transport that cannot
+    /// be had.
     pub fn new(driver: Driver, params: &Params) -> Result<Self, RosError> {
         let mut node = join(&params.network, &params.network.name)?;
         let qos = |reliability, latched| {
@@ -175,8 +179,8 @@ impl RosNode {
         Ok(Self { driver, scans, odometry, goals, out, _node: node })
     }
 
-    /// Drives until something asks for an end; `report` hears why the robot stands, or that it drives
-    /// (`None`), whenever that changes. The last commands are zero, whatever ends it.
+    /// Drives until something asks for an end; `report` hears why the robot stands, or that it
+    /// drives (`None`), whenever that changes. The last commands are zero, whatever ends it.
     ///
     /// # Errors
     ///
@@ -271,8 +275,8 @@ impl RosNode {
     }
 }
 
-/// Hands over all messages of a topic. One that cannot be decoded is of another definition, and counts as none: what is
-/// missing becomes stale.
+/// Hands over all messages of a topic. One that cannot be decoded is of another definition, and
+/// counts as none: what is missing becomes stale.
 fn take_all<M: 'static + DeserializeOwned>(
     topic: &Subscription<M>,
     count: &mut Count,

@@ -1,5 +1,5 @@
-//! Parameters: what may be set in the file of `--params`. `params.toml` beside the manifest holds all of them with what they
-//! mean; a test keeps it complete and at the defaults.
+//! Parameters: what may be set in the file of `--params`. `params.toml` beside the manifest holds
+//! all of them with what they mean; a test keeps it complete and at the defaults.
 
 use std::net::IpAddr;
 use std::path::Path;
@@ -65,7 +65,8 @@ pub enum Reliability {
     Reliable,
 }
 
-/// Qualities of service. Commands are always published reliably, which subscribers of both kinds read.
+/// Qualities of service. Commands are always published reliably, which subscribers of both kinds
+/// read.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Qos {
@@ -231,7 +232,8 @@ impl Default for CommandParams {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ClockParams {
-    /// Share of the period by which a command may be early or late so that it follows a scan at once.
+    /// Share of the period by which a command may be early or late so that it follows a scan at
+    /// once.
     pub window: f64,
 }
 
@@ -267,8 +269,8 @@ impl Params {
     ///
     /// # Errors
     ///
-    /// A file that cannot be read, is no TOML, has a key that is none, or a value out of range: file, line or key, what was
-    /// found, what was expected.
+    /// A file that cannot be read, is no TOML, has a key that is none, or a value out of range:
+    /// file, line or key, what was found, what was expected.
     pub fn load(file: &Path) -> Result<Self, RosError> {
         let text = std::fs::read_to_string(file)
             .map_err(|reason| RosError::Read { file: file.to_owned(), reason })?;

@@ -1,4 +1,5 @@
-//! The driver: a trained policy or a planner that reads observation rows, as the other commands name them.
+//! The driver: a trained policy or a planner that reads observation rows, as the other commands
+//! name them.
 
 use std::path::Path;
 
@@ -22,7 +23,8 @@ pub struct Chosen {
 ///
 /// # Errors
 ///
-/// No policy there; a token that it does not know; a planner that knows positions, which no laser tells.
+/// No policy there; a token that it does not know; a planner that knows positions, which no laser
+/// tells.
 pub fn choose(path: &Path, token: u32) -> Result<Chosen, RosError> {
     let named = jostle_runs::policies::driver(path)?;
     let name = named.identity().name;

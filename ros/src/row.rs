@@ -1,13 +1,16 @@
-//! The observation row that the policy was trained with: three scans one period apart, the goal in the robot's frame, the velocity.
+//! The observation row that the policy was trained with: three scans one period apart, the goal in
+//! the robot's frame, the velocity.
 //!
-//! Scanners have rates of their own. Of the scans that have come, the row takes the newest, and those measured nearest to one and
-//! two periods before it (the older of two that are equally near). At the start the first scan fills all three, as in the simulator.
+//! Scanners have rates of their own. Of the scans that have come, the row takes the newest, and
+//! those measured nearest to one and two periods before it (the older of two that are equally
+//! near). At the start the first scan fills all three, as in the simulator.
 
 use std::collections::VecDeque;
 
 use jostle_sim::{EXTRAS, FRAMES};
 
-/// Scans of less than this share of a period after the one before the last take the last one's place.
+/// Scans of less than this share of a period after the one before the last take the last one's
+/// place.
 const SPACING: f64 = 0.125;
 
 /// The scans that a row may need, oldest first.
@@ -19,7 +22,8 @@ pub struct History {
 }
 
 impl History {
-    /// An empty history for rows whose scans are `period` seconds apart, of a laser with the range `limit`, m.
+    /// An empty history for rows whose scans are `period` seconds apart, of a laser with the range
+    /// `limit`, m.
     pub fn new(period: f64, limit: f32) -> Self {
         Self { scans: VecDeque::new(), period, limit }
     }
@@ -31,14 +35,16 @@ impl History {
 
     /// Adds a scan, m, that was measured at `time`, s, later than those before.
     pub fn push(&mut self, time: f64, ranges: &[f32]) {
-        // In single precision and in this order, as the simulator does it: the same range gives the same bits.
+        // In single precision and in this order, as the simulator does it: the same range gives the
+        // same bits.
         let scaled = ranges.iter().map(|range| range / self.limit - 0.5).collect();
         let n = self.scans.len();
         if n >= FRAMES && time - self.scans[n - 2].0 < SPACING * self.period {
             self.scans.pop_back();
         }
         self.scans.push_back((time, scaled));
-        // The last but one that is older than any frame can be wanted is kept: it may be the nearest.
+        // The last but one that is older than any frame can be wanted is kept: it may be the
+        // nearest.
         let oldest = time - (FRAMES - 1) as f64 * self.period;
         while self.scans.len() > FRAMES && self.scans[1].0 <= oldest {
             self.scans.pop_front();
@@ -49,7 +55,8 @@ impl History {
     ///
     /// # Shapes
     ///
-    /// `row` becomes `[scan oldest … newest (3·beams) | goal x, goal y | v, ω]`, as `jostle_sim::Observer` writes it.
+    /// `row` becomes `[scan oldest … newest (3·beams) | goal x, goal y | v, ω]`, as
+    /// `jostle_sim::Observer` writes it.
     ///
     /// # Panics
     ///
@@ -124,7 +131,8 @@ mod tests {
             }
             assert_eq!(frames(&history), expected, "{rate} Hz");
         }
-        // One scan was lost: the one before it is nearer to the wish than any other, and of two the older is taken.
+        // One scan was lost: the one before it is nearer to the wish than any other, and of two the
+        // older is taken.
         let mut history = History::new(0.1, 100.0);
         for k in [0_u32, 1, 2, 4] {
             history.push(f64::from(k) * 0.1, &[k as f32 * 10.0]);

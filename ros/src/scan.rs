@@ -2,9 +2,10 @@
 //!
 //! # Formula
 //!
-//! Each beam of the scan is a cone, half the angle to the next beam wide on either side. A return in it blocks every beam of
-//! the policy whose direction lies in the cone, and the policy's beam nearest to it in any case; a beam of the policy reads
-//! the nearest return that blocks it. So no return is hidden, whichever scan has more beams. Without a return:
+//! Each beam of the scan is a cone, half the angle to the next beam wide on either side. A return
+//! in it blocks every beam of the policy whose direction lies in the cone, and the policy's beam
+//! nearest to it in any case; a beam of the policy reads the nearest return that blocks it. So no
+//! return is hidden, whichever scan has more beams. Without a return:
 //!
 //! | the scan says | the policy reads |
 //! |---|---|
@@ -17,8 +18,8 @@
 //!
 //! # References
 //!
-//! REP 117, "Informational Distance Measurements" (<https://ros.org/reps/rep-0117.html>), and the definition of
-//! `sensor_msgs/msg/LaserScan`.
+//! REP 117, "Informational Distance Measurements" (<https://ros.org/reps/rep-0117.html>), and the
+//! definition of `sensor_msgs/msg/LaserScan`.
 
 use std::f64::consts::{PI, TAU};
 
@@ -29,8 +30,8 @@ use crate::params::{BelowMin, ScanParams, Unseen};
 
 /// Most beams of a scan.
 const BEAMS_MAX: usize = 65_536;
-/// Distance beyond a cone's edge at which a beam still lies in it, as a share of the angle between the policy's beams: angles of scans are in
-/// single precision.
+/// Distance beyond a cone's edge at which a beam still lies in it, as a share of the angle between
+/// the policy's beams: angles of scans are in single precision.
 const EDGE: f64 = 1e-3;
 
 /// Makes the policy's ranges out of scans.
@@ -91,12 +92,13 @@ impl Resampler {
         }
     }
 
-    /// Writes the policy's ranges, m, at most its laser's range, and all returns in the robot's frame.
+    /// Writes the policy's ranges, m, at most its laser's range, and all returns in the robot's
+    /// frame.
     ///
     /// # Errors
     ///
-    /// The fault of the scan, in words: sizes or angles that are none, too many invalid readings, directions that the
-    /// policy looks into and the scanner does not.
+    /// The fault of the scan, in words: sizes or angles that are none, too many invalid readings,
+    /// directions that the policy looks into and the scanner does not.
     pub fn resample(
         &mut self,
         scan: &LaserScan,
@@ -181,7 +183,8 @@ impl Resampler {
         (cone, Return { angle: wrapped(middle), half_width: below.max(above), range })
     }
 
-    /// Calls `with` for each of the policy's beams in a cone, and for the one nearest to its middle.
+    /// Calls `with` for each of the policy's beams in a cone, and for the one nearest to its
+    /// middle.
     fn mark(&mut self, cone: Cone, mut with: impl FnMut(&mut Self, usize)) {
         let first = ((cone.low - EDGE).ceil() as i64).min(cone.middle.round() as i64);
         let last = ((cone.high + EDGE).floor() as i64).max(cone.middle.round() as i64);
@@ -369,7 +372,8 @@ mod tests {
 
     #[test]
     fn a_coarse_scan_is_as_wide_as_its_cones() {
-        // Eight beams, one of them to the left at 2 m: 64 of 512 beams, and one more on the other edge.
+        // Eight beams, one of them to the left at 2 m: 64 of 512 beams, and one more on the other
+        // edge.
         let mut readings = [f32::INFINITY; 8];
         readings[2] = 2.0;
         let read = ranges(&scan(0.0, &readings));
@@ -463,7 +467,8 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever the scanner, a return is at least as near in the policy's beam that points to it.
+        /// Whatever the scanner, a return is at least as near in the policy's beam that points to
+        /// it.
         #[test]
         fn no_return_is_hidden(
             readings in prop::collection::vec(any_reading(), 3..1500),
@@ -504,7 +509,8 @@ mod tests {
             prop_assert!(ranges.iter().all(|range| (0.0..=10.0).contains(range)));
         }
 
-        /// With as many beams or more all round, nothing is nearer than it is: no return is moved by more than half a beam.
+        /// With as many beams or more all round, nothing is nearer than it is: no return is moved
+        /// by more than half a beam.
         #[test]
         fn nothing_is_nearer_than_the_nearest_return_beside_it(
             readings in prop::collection::vec(0.2_f32..9.0, N..1500),

@@ -1,4 +1,5 @@
-//! The examples that users copy: the launch file, the unit, the parameters and the commands of the page.
+//! The examples that users copy: the launch file, the unit, the parameters and the commands of the
+//! page.
 
 use std::path::Path;
 use std::process::{Command, Output};

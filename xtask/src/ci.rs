@@ -1,10 +1,12 @@
 //! `cargo xtask ci`: what has to hold before a change is good.
 //!
-//! All steps that build use the release profile, so that a cold machine builds the dependencies once for checking and
-//! once for running. Every tool's own output stays visible; each step ends with one line of ours, with its time.
+//! All steps that build use the release profile, so that a cold machine builds the dependencies
+//! once for checking and once for running. Every tool's own output stays visible; each step ends
+//! with one line of ours, with its time.
 //!
-//! Checks that need more than Rust are asked for by name (`--web`, `--python`, `--ros`, `--slurm`) and then run alone. The book needs mdBook, which cargo
-//! installs once; where that cannot be had, the step is skipped and says so: what the book claims is tested anyway.
+//! Checks that need more than Rust are asked for by name (`--web`, `--python`, `--ros`, `--slurm`)
+//! and then run alone. The book needs mdBook, which cargo installs once; where that cannot be had,
+//! the step is skipped and says so: what the book claims is tested anyway.
 
 use std::path::Path;
 use std::process::{Command, ExitCode, Stdio};
@@ -31,21 +33,24 @@ pub(crate) struct CiArgs {
     /// Go on after a failed step and name all of them at the end.
     #[arg(long)]
     keep_going: bool,
-    /// Check the Python package instead, in a virtual environment under target/ that is made for it.
+    /// Check the Python package instead, in a virtual environment under target/ that is made for
+    /// it.
     #[arg(long)]
     python: bool,
     /// Drive the replay page and the live page in Chromium, without a window.
     #[arg(long)]
     web: bool,
-    /// Build the documentation as a book into target/book, with mdBook, which is installed if it is not there, and fail if
-    /// it cannot be.
+    /// Build the documentation as a book into target/book, with mdBook, which is installed if it is
+    /// not there, and fail if it cannot be.
     #[arg(long)]
     book: bool,
-    /// Start a Slurm of two nodes on this machine, kill one of them in the middle of a sweep, and compare every file with those
-    /// of a local sweep. Needs Slurm, munge and unshare (root); on Debian they are installed.
+    /// Start a Slurm of two nodes on this machine, kill one of them in the middle of a sweep, and
+    /// compare every file with those of a local sweep. Needs Slurm, munge and unshare (root); on
+    /// Debian they are installed.
     #[arg(long)]
     slurm: bool,
-    /// Check the ROS 2 node in ros/, and drive it in closed loops with rclpy and Cyclone DDS, which pip installs into target/.
+    /// Check the ROS 2 node in ros/, and drive it in closed loops with rclpy and Cyclone DDS, which
+    /// pip installs into target/.
     #[arg(long)]
     ros: bool,
 }
@@ -113,8 +118,9 @@ const STEPS: [Step; 5] = [
     Step { name: "doctests", arguments: &["test", "--release", "--workspace", "--doc"], environment: &[] },
 ];
 
-/// Features that other workspaces may leave out of the published crates: each feature of `jostle-sim` without the others, and none. The rest of
-/// the steps build the default ones, and `learned` of `jostle-peds`.
+/// Features that other workspaces may leave out of the published crates: each feature of
+/// `jostle-sim` without the others, and none. The rest of the steps build the default ones, and
+/// `learned` of `jostle-peds`.
 const FEATURE_SETS: [&[&str]; 5] = [
     &["-p", "jostle-sim", "-p", "jostle-peds"],
     &["-p", "jostle-sim", "--features", "dynamics"],
@@ -235,8 +241,9 @@ fn build_book(mdbook: &Path) -> Result<()> {
     Ok(())
 }
 
-/// The replay that the quick start shows: the first episode of each of the two crowds that need no policies, as the shipped policies of
-/// today drive it. It is simulated with the book, so that it is never older than they are.
+/// The replay that the quick start shows: the first episode of each of the two crowds that need no
+/// policies, as the shipped policies of today drive it. It is simulated with the book, so that it
+/// is never older than they are.
 fn put_replay_into(book: &Path) -> Result<()> {
     let this = std::env::current_exe().context("cannot name this program")?;
     let folder = book.join("replay");

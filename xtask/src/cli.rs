@@ -26,7 +26,8 @@ enum Command {
     Product(jostle_cli::Command),
     /// Run our code on fixtures made by independent software.
     Conformance(jostle_conformance::ConformanceArgs),
-    /// Kill training and evaluation at random moments, resume, and compare with an uninterrupted run.
+    /// Kill training and evaluation at random moments, resume, and compare with an uninterrupted
+    /// run.
     Chaos(chaos::ChaosArgs),
     /// Hand damaged files to every parser and look for panics, aborts and endless loops.
     Fuzz(fuzz::FuzzArgs),

@@ -1,7 +1,9 @@
-//! The checks of this repository, and the door to the program `jostle`: `cargo xtask ci | bench | train | reproduce …`.
+//! The checks of this repository, and the door to the program `jostle`: `cargo xtask ci | bench |
+//! train | reproduce …`.
 //!
-//! Reading order: [`cli`] (what can be asked for), [`ci`] with [`python`], [`wheel`], [`cluster`] (what has to hold before a change is good),
-//! [`mod@bench`] (how fast it all is), [`chaos`] and [`fuzz`] (attempts to break what `docs/reliability.md` promises).
+//! Reading order: [`cli`] (what can be asked for), [`ci`] with [`python`], [`wheel`], [`cluster`]
+//! (what has to hold before a change is good), [`mod@bench`] (how fast it all is), [`chaos`] and
+//! [`fuzz`] (attempts to break what `docs/reliability.md` promises).
 
 #![forbid(unsafe_code)]
 

@@ -1,9 +1,12 @@
-//! `cargo xtask ci --python`: the Python package as a user gets it. The wheel is built, put into a fresh virtual environment, and its types, tests
-//! and notebooks are checked from there, not from the source tree.
+//! `cargo xtask ci --python`: the Python package as a user gets it. The wheel is built, put into a
+//! fresh virtual environment, and its types, tests and notebooks are checked from there, not from
+//! the source tree.
 //!
-//! `target/python` holds the tools and what the tests need besides jostle; it is kept, since torch is large. `target/python-wheel` is made anew each
-//! time, holds the wheel with what it asks for, and finds the tests' other packages in the first. Torch is asked for where its builds
-//! without CUDA are kept, and where the package index is pip's usual one if that cannot be reached: the tests need the CPU only.
+//! `target/python` holds the tools and what the tests need besides jostle; it is kept, since torch
+//! is large. `target/python-wheel` is made anew each time, holds the wheel with what it asks for,
+//! and finds the tests' other packages in the first. Torch is asked for where its builds without
+//! CUDA are kept, and where the package index is pip's usual one if that cannot be reached: the
+//! tests need the CPU only.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -62,7 +65,8 @@ fn install() -> Result<bool> {
     }
     let wheel = wheel::build(&wheel::default_folder())?;
     let shown = wheel.to_str().context("a path that is no UTF-8")?;
-    // What the wheel's extra `test` names. jostle comes along and is hidden by the one of the fresh environment.
+    // What the wheel's extra `test` names. jostle comes along and is hidden by the one of the fresh
+    // environment.
     if !pip(&tools, &["--force-reinstall", "--no-deps", shown])?
         || !pip(&tools, &[&format!("{shown}[test]")])?
     {
@@ -102,7 +106,8 @@ fn types() -> Result<bool> {
     Ok(true)
 }
 
-/// The tests of `python/tests` on the wheel, with this program as the command line that they compare with.
+/// The tests of `python/tests` on the wheel, with this program as the command line that they
+/// compare with.
 fn test() -> Result<bool> {
     pytest("python/tests")
 }

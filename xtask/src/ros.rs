@@ -1,8 +1,10 @@
-//! `cargo xtask ci --ros`: the ROS 2 node in `ros/`, a workspace of its own, and closed loops with two independent peers.
+//! `cargo xtask ci --ros`: the ROS 2 node in `ros/`, a workspace of its own, and closed loops with
+//! two independent peers.
 //!
-//! The peers are Python: rclpy with Fast DDS, as ROS 2 has it, and Cyclone DDS. pip brings them into `target/ros-python`; ROS need not be
-//! installed. The loops run in a network of their own, in which nothing but a loopback exists (`unshare`), where the system
-//! allows it; elsewhere they are told to keep to the loopback, and whether they do is not checked.
+//! The peers are Python: rclpy with Fast DDS, as ROS 2 has it, and Cyclone DDS. pip brings them
+//! into `target/ros-python`; ROS need not be installed. The loops run in a network of their own, in
+//! which nothing but a loopback exists (`unshare`), where the system allows it; elsewhere they are
+//! told to keep to the loopback, and whether they do is not checked.
 
 use std::path::PathBuf;
 use std::process::Command;
@@ -14,7 +16,8 @@ use jostle_runs::output;
 use jostle_runs::provenance::workspace;
 use jostle_runs::tools::target_folder;
 
-/// Packages that pip installs. The first four are unofficial builds of ROS 2 Kilted, good for tests.
+/// Packages that pip installs. The first four are unofficial builds of ROS 2 Kilted, good for
+/// tests.
 const PEERS: [&str; 6] = [
     "ros-rclpy[fastrtps]==9.1.2",
     "ros-sensor-msgs",
@@ -36,7 +39,8 @@ pub(crate) const STEPS: [(&str, Work); 6] = [
     ("ros-loops", drive),
 ];
 
-/// cargo in the workspace of the node. It shares this one's target folder, and so what both build of the same crates.
+/// cargo in the workspace of the node. It shares this one's target folder, and so what both build
+/// of the same crates.
 fn cargo(arguments: &[&str]) -> Result<bool> {
     let mut command = Command::new(program());
     command.args(arguments).env("CARGO_TARGET_DIR", target()?).env("RUSTDOCFLAGS", "-D warnings");

@@ -1,7 +1,9 @@
-//! `cargo xtask wheel`: the Python package as one file that `pip install` takes on any Linux of the last years.
+//! `cargo xtask wheel`: the Python package as one file that `pip install` takes on any Linux of the
+//! last years.
 //!
-//! maturin builds it; on Linux zig links it against the C library of `manylinux_2_28` (glibc 2.28: Debian 10, Ubuntu 18.10, RHEL 8), whatever
-//! the machine has. pip brings both into `target/python`. The wheel is for every Python from 3.11 on (the stable ABI).
+//! maturin builds it; on Linux zig links it against the C library of `manylinux_2_28` (glibc 2.28:
+//! Debian 10, Ubuntu 18.10, RHEL 8), whatever the machine has. pip brings both into
+//! `target/python`. The wheel is for every Python from 3.11 on (the stable ABI).
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
@@ -43,7 +45,8 @@ pub(crate) fn default_folder() -> PathBuf {
 /// Builds the wheel into a folder; its path.
 ///
 /// # Errors
-/// When a tool cannot be installed, when it does not build, and when it asks for more than its name says.
+/// When a tool cannot be installed, when it does not build, and when it asks for more than its name
+/// says.
 pub(crate) fn build(out: &Path) -> Result<PathBuf> {
     let python = environment("python")?;
     ensure!(pip(&python, &BUILDERS)?, "pip cannot install {}", BUILDERS.join(", "));

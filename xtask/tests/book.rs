@@ -1,7 +1,8 @@
-//! The documentation keeps its word: pages exist, links lead somewhere, and what a block of code claims is true.
+//! The documentation keeps its word: pages exist, links lead somewhere, and what a block of code
+//! claims is true.
 //!
-//! Commands in it are parsed by `xtask`'s own test of the command line, Rust in it is compiled by the doctests of
-//! `jostle-bench`, and `cargo xtask ci` builds it with mdBook.
+//! Commands in it are parsed by `xtask`'s own test of the command line, Rust in it is compiled by
+//! the doctests of `jostle-bench`, and `cargo xtask ci` builds it with mdBook.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -73,7 +74,8 @@ fn rust_in_the_book_is_compiled() {
     }
 }
 
-/// A map, a suite, a plan of a sweep or its part for Slurm, or else a part of a training configuration.
+/// A map, a suite, a plan of a sweep or its part for Slurm, or else a part of a training
+/// configuration.
 fn check_toml(block: &Block) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("block.toml");

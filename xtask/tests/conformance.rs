@@ -1,4 +1,5 @@
-//! The conformance command: passes on the fixtures beside this file, fails on everything that is wrong with a folder.
+//! The conformance command: passes on the fixtures beside this file, fails on everything that is
+//! wrong with a folder.
 
 mod common;
 

@@ -1,5 +1,6 @@
-//! Checks that the compiler does not make: every source file introduces itself, the library crates keep their promises about
-//! randomness, time and iteration order, and the crates depend on one another as ARCHITECTURE.md says.
+//! Checks that the compiler does not make: every source file introduces itself, the library crates
+//! keep their promises about randomness, time and iteration order, and the crates depend on one
+//! another as ARCHITECTURE.md says.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -7,7 +8,8 @@ use std::path::{Path, PathBuf};
 
 /// A line may break a rule where it, or the line before it, says why.
 const EXCUSE: &str = "tidy:";
-/// The crates of the commands: their errors are sentences for the user, and some of them measure time.
+/// The crates of the commands: their errors are sentences for the user, and some of them measure
+/// time.
 const COMMANDS: [&str; 6] = ["cli", "conformance", "runs", "study", "view", "xtask"];
 
 #[test]
@@ -35,7 +37,8 @@ fn no_hash_map_decides_an_order() {
 
 #[test]
 fn no_result_depends_on_the_clock() {
-    // The benches measure; the update report keeps its seconds apart from results. Commands wait, and tell how long they take.
+    // The benches measure; the update report keeps its seconds apart from results. Commands wait,
+    // and tell how long they take.
     let timed = [
         "bench/",
         "ppo/src/algorithm1.rs",
@@ -96,7 +99,8 @@ fn crates_depend_on_one_another_as_the_architecture_says() {
         })
         .collect();
     assert_eq!(found, allowed, "manifests on the left, ARCHITECTURE.md on the right");
-    // Without circles cargo would refuse the workspace anyway; the order of the block is one that shows it.
+    // Without circles cargo would refuse the workspace anyway; the order of the block is one that
+    // shows it.
     for (at, name) in names.iter().enumerate() {
         assert!(
             allowed[*name].iter().all(|other| names[..at].contains(&other.as_str())),
@@ -181,8 +185,8 @@ fn anyhow_is_for_commands_only() {
 
 #[test]
 fn a_library_crate_has_one_error_enum() {
-    // A kernel cannot fail: operands that do not fit are a fault of the caller, and it panics. Errors of commands are `anyhow`'s; `runs`
-    // has its own for what the Python package uses.
+    // A kernel cannot fail: operands that do not fit are a fault of the caller, and it panics.
+    // Errors of commands are `anyhow`'s; `runs` has its own for what the Python package uses.
     const NONE: [&str; 2] = ["kernels", "python"];
     let has_one = |name: &String| name == "runs" || !(NONE.contains(&&**name) || COMMANDS.contains(&&**name));
     for name in manifests().into_keys().filter(has_one) {
@@ -245,7 +249,8 @@ fn manifests() -> BTreeMap<String, toml::Table> {
     found
 }
 
-/// All that a crate depends on, in its tests, builds, features and for whatever target, by the packages' names.
+/// All that a crate depends on, in its tests, builds, features and for whatever target, by the
+/// packages' names.
 fn dependencies(manifest: &toml::Table) -> BTreeSet<String> {
     let targets =
         manifest.get("target").and_then(toml::Value::as_table).into_iter().flat_map(toml::Table::values);

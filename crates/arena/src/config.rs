@@ -10,19 +10,21 @@ use crate::identity::hex_sha256;
 use crate::recording::RecordingConfig;
 use crate::scene::SceneConfig;
 
-/// Part of the hashes of settings with a map, to be raised whenever an episode on a map may end differently for the same settings. 2: crowds know walls as one area
+/// Part of the hashes of settings with a map, to be raised whenever an episode on a map may end
+/// differently for the same settings. 2: crowds know walls as one area
 /// ([`jostle_sim::Scenario::boundary`]), whatever pieces a map has.
 pub const MAP_VERSION: u32 = 2;
 
-/// Part of the hashes of settings in which the robot has mass, to be raised whenever such an episode may end differently for the same
-/// settings.
+/// Part of the hashes of settings in which the robot has mass, to be raised whenever such an
+/// episode may end differently for the same settings.
 pub const DYNAMICS_VERSION: u32 = 1;
 
 /// When a pedestrian counts as crashed and is re-spawned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PedestrianCrash {
-    /// Its own noise-free scan of walls, obstacles and pedestrians falls below the robots' crash range.
+    /// Its own noise-free scan of walls, obstacles and pedestrians falls below the robots' crash
+    /// range.
     Scan,
     /// Its body was stopped by a wall, an obstacle or another pedestrian.
     Contact,
@@ -32,7 +34,8 @@ pub enum PedestrianCrash {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ArenaConfig {
-    /// Room, robot, laser and episode; a checkpoint's own, so that a policy is tested in the world it was trained in.
+    /// Room, robot, laser and episode; a checkpoint's own, so that a policy is tested in the world
+    /// it was trained in.
     pub sim: SimConfig,
     /// The built-in crowds and who sees whom.
     pub crowds: CrowdsConfig,
@@ -44,15 +47,16 @@ pub struct ArenaConfig {
     pub backend: Backend,
     /// Crash of learned pedestrians. By their scan, as in training.
     pub learned_crash: PedestrianCrash,
-    /// Crash of the pedestrians of all other crowds. By contact: ORCA's discs may legally come nearer than the crash range.
+    /// Crash of the pedestrians of all other crowds. By contact: ORCA's discs may legally come
+    /// nearer than the crash range.
     pub pure_crash: PedestrianCrash,
-    /// A re-spawned pedestrian keeps at least this distance from every body's centre (m). Where the others leave no such
-    /// place, it gets the one that is farthest from all of them.
+    /// A re-spawned pedestrian keeps at least this distance from every body's centre (m). Where the
+    /// others leave no such place, it gets the one that is farthest from all of them.
     pub respawn_clearance: f32,
     /// Episodes run side by side. Changes speed and memory alone, never a result.
     pub lock_step: usize,
-    /// Regions, walls and blocks in place of the room of `sim`. Left out of the written form where there are none, so that hashes
-    /// of settings from before them are what they were.
+    /// Regions, walls and blocks in place of the room of `sim`. Left out of the written form where
+    /// there are none, so that hashes of settings from before them are what they were.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scene: Option<SceneConfig>,
     /// The pedestrians of crowd `recorded`; left out of the written form where there are none.
@@ -84,7 +88,8 @@ impl ArenaConfig {
         self.n_agents - 1
     }
 
-    /// When a pedestrian of a crowd counts as crashed: `learned_crash` for those that sense by laser, else `pure_crash`.
+    /// When a pedestrian of a crowd counts as crashed: `learned_crash` for those that sense by
+    /// laser, else `pure_crash`.
     pub fn crash_of(&self, senses_by_laser: bool) -> PedestrianCrash {
         if senses_by_laser { self.learned_crash } else { self.pure_crash }
     }
@@ -129,9 +134,10 @@ impl ArenaConfig {
         Ok(())
     }
 
-    /// SHA-256 of everything that decides a result and has no field of its own in a cell's key. Of a map that is its content,
-    /// by its hash ([`jostle_sim::maps::sha256`]), and [`MAP_VERSION`]; where it lies is another on each machine. Of a robot that has mass
-    /// it is also [`DYNAMICS_VERSION`].
+    /// SHA-256 of everything that decides a result and has no field of its own in a cell's key. Of
+    /// a map that is its content, by its hash ([`jostle_sim::maps::sha256`]), and [`MAP_VERSION`];
+    /// where it lies is another on each machine. Of a robot that has mass it is also
+    /// [`DYNAMICS_VERSION`].
     pub fn settings_hash(&self, map_sha256: Option<&str>) -> String {
         let mut decisive = Self { lock_step: 1, n_agents: 1, seed: 0, ..self.clone() };
         decisive.sim.room.map = map_sha256.map(|hash| format!("{hash}-{MAP_VERSION}").into());

@@ -16,7 +16,8 @@ use crate::error::ArenaError;
 use crate::identity::PolicyIdentity;
 use crate::loaded::LoadedPolicy;
 
-/// The policies of learned pedestrians: the baseline ones, and the same at half their training (crowd SO).
+/// The policies of learned pedestrians: the baseline ones, and the same at half their training
+/// (crowd SO).
 #[derive(Clone, Debug, Default)]
 pub struct Pools {
     /// NH, IN, VA and cross-play.
@@ -26,9 +27,11 @@ pub struct Pools {
 }
 
 impl Pools {
-    /// The policies that drive `n_pedestrians` of a crowd, in their order; empty for crowds without.
+    /// The policies that drive `n_pedestrians` of a crowd, in their order; empty for crowds
+    /// without.
     ///
-    /// Pedestrian i is driven by policy i modulo the pool's length; policies beyond the pedestrians are not used.
+    /// Pedestrian i is driven by policy i modulo the pool's length; policies beyond the pedestrians
+    /// are not used.
     pub fn drivers(&self, crowd: CrowdKind, n_pedestrians: usize) -> &[LoadedPolicy] {
         let pool = match crowd {
             CrowdKind::Nh | CrowdKind::In | CrowdKind::Va | CrowdKind::CrossPlay => &self.full[..],
@@ -71,7 +74,8 @@ impl PoolNote {
     }
 }
 
-/// Makes a crowd for rooms with the given polygons (clockwise around free space, counter-clockwise around obstacles).
+/// Makes a crowd for rooms with the given polygons (clockwise around free space, counter-clockwise
+/// around obstacles).
 ///
 /// # Errors
 ///
@@ -110,8 +114,9 @@ pub fn make_crowd(
     })
 }
 
-/// Refuses a policy that reads other observations than the room gives: rows of another length, or beams that point
-/// elsewhere. Where its beams pointed in training is told by the settings in its file; a file without says nothing.
+/// Refuses a policy that reads other observations than the room gives: rows of another length, or
+/// beams that point elsewhere. Where its beams pointed in training is told by the settings in its
+/// file; a file without says nothing.
 ///
 /// # Errors
 ///

@@ -1,12 +1,15 @@
-//! Measures of driving beyond arrival: nearness, time to collision, smoothness, stalling. Not of the paper.
+//! Measures of driving beyond arrival: nearness, time to collision, smoothness, stalling. Not of
+//! the paper.
 //!
-//! Reading order: [`Driving`] (an episode's values), [`DrivingMeter`] (how they are measured while it runs); `jostle_eval::driving`
-//! summarises them. Everything is f64; `docs/metrics.md` has the formulas with their reasons.
+//! Reading order: [`Driving`] (an episode's values), [`DrivingMeter`] (how they are measured while
+//! it runs); `jostle_eval::driving` summarises them. Everything is f64; `docs/metrics.md` has the
+//! formulas with their reasons.
 //!
 //! # References
 //!
-//! A. Francis et al., "Principles and Guidelines for Evaluating Social Robot Navigation Algorithms", 2023, arXiv:2306.16740, names
-//! these measures and leaves thresholds open. E. T. Hall, "The Hidden Dimension", 1966 (intimate and personal space).
+//! A. Francis et al., "Principles and Guidelines for Evaluating Social Robot Navigation
+//! Algorithms", 2023, arXiv:2306.16740, names these measures and leaves thresholds open. E. T.
+//! Hall, "The Hidden Dimension", 1966 (intimate and personal space).
 
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
@@ -20,11 +23,13 @@ pub const TTC_LIMITS: [f64; 2] = [1.0, 2.0];
 /// A robot that drives more slowly than this stands (m/s).
 pub const STALL_SPEED: f64 = 0.05;
 
-/// The robot's driving in one episode. Steps are control periods; the one that ended the episode counts.
+/// The robot's driving in one episode. Steps are control periods; the one that ended the episode
+/// counts.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Driving {
-    /// Least distance between the robot's outline and a pedestrian's after a step (m); `None` without pedestrians.
+    /// Least distance between the robot's outline and a pedestrian's after a step (m); `None`
+    /// without pedestrians.
     pub min_clearance: Option<f64>,
     /// Steps after which the time to collision was below [`TTC_LIMITS`].
     pub ttc_steps: [u64; 2],
@@ -86,7 +91,8 @@ impl DrivingMeter {
         }
     }
 
-    /// One step: the velocity that the robot drove with (m/s, along the axes of the world), and everyone else after it.
+    /// One step: the velocity that the robot drove with (m/s, along the axes of the world), and
+    /// everyone else after it.
     ///
     /// # Formula
     ///
@@ -131,7 +137,8 @@ impl DrivingMeter {
     }
 }
 
-/// Time until two that keep their velocities are within each other's reach (s); 0 where they are, `None` where they never will be.
+/// Time until two that keep their velocities are within each other's reach (s); 0 where they are,
+/// `None` where they never will be.
 ///
 /// # Formula
 ///

@@ -50,7 +50,8 @@ pub enum ArenaError {
         /// Its name.
         planner: &'static str,
     },
-    /// A file cannot be read or written. The message holds the reason, which is therefore not handed on as a source.
+    /// A file cannot be read or written. The message holds the reason, which is therefore not
+    /// handed on as a source.
     #[error("{}: cannot {action}: {reason}", file.display())]
     Io {
         /// The file.

@@ -8,7 +8,8 @@ use sha2::{Digest, Sha256};
 pub struct PolicyIdentity {
     /// Its name in a report.
     pub name: String,
-    /// SHA-256 of the policy's file (hexadecimal); of its name and version for a policy without a file.
+    /// SHA-256 of the policy's file (hexadecimal); of its name and version for a policy without a
+    /// file.
     pub sha256: String,
     /// Hash of the training config.
     pub config_hash: Option<String>,
@@ -20,7 +21,8 @@ pub struct PolicyIdentity {
     pub updates: Option<u64>,
     /// Transitions seen in training.
     pub transitions: Option<u64>,
-    /// The members of its training rooms that did not learn, as keys of `[training_crowd]` with their shares, such as "blind 0.5".
+    /// The members of its training rooms that did not learn, as keys of `[training_crowd]` with
+    /// their shares, such as "blind 0.5".
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub trained_among: Vec<String>,
     /// The runs whose policies were its opponents in training.
@@ -42,8 +44,8 @@ pub struct Opponent {
 }
 
 impl PolicyIdentity {
-    /// Identity of a policy that is code and not a file. The version must change when its behaviour does, since
-    /// records are reused by hash.
+    /// Identity of a policy that is code and not a file. The version must change when its behaviour
+    /// does, since records are reused by hash.
     pub fn custom(name: &str, version: &str) -> Self {
         Self {
             name: name.to_owned(),

@@ -1,12 +1,15 @@
-//! A robot among a crowd: rooms with one robot and pedestrians that it never met, episode by episode (paper, section "Experiments").
+//! A robot among a crowd: rooms with one robot and pedestrians that it never met, episode by
+//! episode (paper, section "Experiments").
 //!
-//! Reading order: [`config`] (settings), [`crowds`] (who walks there), [`room`] (one room, one control period; `live`: a room that
-//! someone changes while it runs), [`robot`], [`planners`], [`loaded`] and [`driver`] (who drives the robot), [`step`] and
-//! [`lock_step`] (many rooms side by side); [`scene`] and [`site`] (harder places, and their outlines), [`recording`] (people as they walked); [`Outcome`], [`metrics`] and [`driving`] (what is measured
-//! while an episode runs), [`replay`] (episodes step by step), [`identity`] (which policy it was).
+//! Reading order: [`config`] (settings), [`crowds`] (who walks there), [`room`] (one room, one
+//! control period; `live`: a room that someone changes while it runs), [`robot`], [`planners`],
+//! [`loaded`] and [`driver`] (who drives the robot), [`step`] and [`lock_step`] (many rooms side by
+//! side); [`scene`] and [`site`] (harder places, and their outlines), [`recording`] (people as they
+//! walked); [`Outcome`], [`metrics`] and [`driving`] (what is measured while an episode runs),
+//! [`replay`] (episodes step by step), [`identity`] (which policy it was).
 //!
-//! Architecture invariants: nothing here trains, keeps records or knows a statistic; no episode depends on the clock, the number of
-//! threads or the lock step.
+//! Architecture invariants: nothing here trains, keeps records or knows a statistic; no episode
+//! depends on the clock, the number of threads or the lock step.
 
 #![forbid(unsafe_code)]
 

@@ -87,7 +87,8 @@ impl LoadedPolicy {
         ArenaError::Setting { field, found, expected: expected.to_owned() }
     }
 
-    /// The simulator's settings that the policy was trained with. A map is found from the policy's file.
+    /// The simulator's settings that the policy was trained with. A map is found from the policy's
+    /// file.
     ///
     /// # Errors
     ///

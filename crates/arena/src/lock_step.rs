@@ -1,8 +1,8 @@
 //! Hundreds of episodes in lock step, so that every policy infers in one batch a step.
 //!
-//! A room that ends is replaced by the next episode at once, so that batches stay full; results are handed on in the
-//! order of the episodes. Neither the number of rooms side by side nor the number of threads changes a bit: rooms share
-//! nothing, and policies answer row by row.
+//! A room that ends is replaced by the next episode at once, so that batches stay full; results are
+//! handed on in the order of the episodes. Neither the number of rooms side by side nor the number
+//! of threads changes a bit: rooms share nothing, and policies answer row by row.
 
 use std::collections::BTreeMap;
 use std::ops::Range;

@@ -1,7 +1,7 @@
 //! Metrics of one episode (paper, Table 4), in f64; `jostle_eval::metrics` summarises them.
 //!
-//! Times and distances are compared with the straight way to the goal's edge at full speed, so they are defined for
-//! successful episodes only: an episode that ended early has no arrival to compare.
+//! Times and distances are compared with the straight way to the goal's edge at full speed, so they
+//! are defined for successful episodes only: an episode that ended early has no arrival to compare.
 
 use serde::{Deserialize, Serialize};
 
@@ -29,7 +29,8 @@ pub struct EpisodeMetrics {
     pub straight_distance: f64,
     /// Time beyond the straight way at full speed (s).
     pub extra_time: Option<f64>,
-    /// Way beyond the straight one (m); a little below 0 is rounding, since no way is shorter than the straight one.
+    /// Way beyond the straight one (m); a little below 0 is rounding, since no way is shorter than
+    /// the straight one.
     pub extra_distance: Option<f64>,
     /// Way over time (m/s); `None` also for an episode without a step.
     pub average_speed: Option<f64>,
@@ -40,7 +41,8 @@ impl EpisodeMetrics {
     ///
     /// # Formula
     ///
-    /// extra time = T − (d₀ − `r_goal`)/`v_max`; extra distance = L − (d₀ − `r_goal`); average speed = L/T.
+    /// extra time = T − (d₀ − `r_goal`)/`v_max`; extra distance = L − (d₀ − `r_goal`); average
+    /// speed = L/T.
     pub fn from_totals(
         scale: &MetricScale,
         outcome: Outcome,

@@ -1,7 +1,9 @@
-//! Rooms of recorded pedestrians: a recording as a setting of a test, and its playback in an episode.
+//! Rooms of recorded pedestrians: a recording as a setting of a test, and its playback in an
+//! episode.
 //!
-//! The room is the rectangle around all recorded places with a margin. The robot's start and goal are drawn in it as ever; the
-//! pedestrians are put where they were, step by step, and nothing that the robot does moves them.
+//! The room is the rectangle around all recorded places with a margin. The robot's start and goal
+//! are drawn in it as ever; the pedestrians are put where they were, step by step, and nothing that
+//! the robot does moves them.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -18,8 +20,8 @@ use crate::error::ArenaError;
 
 /// Margin of the room beyond the recorded places on each side (m).
 const MARGIN: f32 = 2.0;
-/// A pedestrian whose track begins nearer to the robot than this is not there before it is as far (m): nobody is hit by
-/// someone who came out of nothing.
+/// A pedestrian whose track begins nearer to the robot than this is not there before it is as far
+/// (m): nobody is hit by someone who came out of nothing.
 const APPEAR: f32 = 1.5;
 /// Slower than this a pedestrian keeps its heading (m/s).
 const TURNING: f32 = 0.1;
@@ -28,7 +30,8 @@ const TURNING: f32 = 0.1;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RecordingConfig {
-    /// SHA-256 of its tracks on the clock, so that a test depends on what is in a file and not on where it lies.
+    /// SHA-256 of its tracks on the clock, so that a test depends on what is in a file and not on
+    /// where it lies.
     pub sha256: String,
     #[serde(skip)]
     tracks: Arc<Recording>,
@@ -69,8 +72,9 @@ impl RecordingConfig {
         &self.tracks
     }
 
-    /// The settings of a test among these pedestrians: the room around them, a body for each that is there at once. Where the
-    /// room is small, goals are at least half of its diagonal away instead of the usual distance.
+    /// The settings of a test among these pedestrians: the room around them, a body for each that
+    /// is there at once. Where the room is small, goals are at least half of its diagonal away
+    /// instead of the usual distance.
     ///
     /// # Errors
     ///
@@ -126,8 +130,9 @@ pub(crate) struct Played {
 }
 
 impl Playback {
-    /// The playback of an episode of at most `step_limit` steps. It starts at a step that is drawn uniformly from those at which somebody is
-    /// there and from which on the recording lasts for the whole episode, or, if there is none, from all with somebody.
+    /// The playback of an episode of at most `step_limit` steps. It starts at a step that is drawn
+    /// uniformly from those at which somebody is there and from which on the recording lasts for
+    /// the whole episode, or, if there is none, from all with somebody.
     pub(crate) fn new(
         config: &RecordingConfig,
         step_limit: u32,
@@ -150,8 +155,9 @@ impl Playback {
         self.shown[slot].is_some()
     }
 
-    /// The body of a slot at an episode's step. A pedestrian is not shown before it is [`APPEAR`] away from `robot`; at the start,
-    /// when the robot is placed after the pedestrians, there is none.
+    /// The body of a slot at an episode's step. A pedestrian is not shown before it is [`APPEAR`]
+    /// away from `robot`; at the start, when the robot is placed after the pedestrians, there is
+    /// none.
     pub(crate) fn play(&mut self, slot: usize, step: u32, robot: Option<Vec2>) -> Played {
         let now = self.recording.at(slot, self.first + step, self.dt);
         let far = |place: Vec2| robot.is_none_or(|robot| robot.distance(place) >= APPEAR);

@@ -1,7 +1,8 @@
-//! Episodes step by step, to be looked at: where everyone stood, what the laser saw, what the robot did.
+//! Episodes step by step, to be looked at: where everyone stood, what the laser saw, what the robot
+//! did.
 //!
-//! Traces come from the rooms that records come from, through the same steps; a test that wants none pays one call of an
-//! empty function for each step.
+//! Traces come from the rooms that records come from, through the same steps; a test that wants
+//! none pays one call of an empty function for each step.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -34,17 +35,20 @@ pub struct EpisodeTrace {
 pub struct TraceFrame {
     /// The robot, with the velocity that it executed and its goal.
     pub robot: Pedestrian,
-    /// Linear and angular velocity executed in the step that led here; 0 at the start and where the robot was stopped.
+    /// Linear and angular velocity executed in the step that led here; 0 at the start and where the
+    /// robot was stopped.
     pub velocity: [f32; 2],
     /// Noise-free distance from the robot's centre to the nearest thing all round (m).
     pub min_range: f32,
-    /// Noise-free ranges of the kept beams, counter-clockwise from beam 0 (m); one that met nothing holds the laser's range.
+    /// Noise-free ranges of the kept beams, counter-clockwise from beam 0 (m); one that met nothing
+    /// holds the laser's range.
     pub ranges: Vec<f32>,
     /// The pedestrians, those that were re-spawned in this step at their new places.
     pub pedestrians: Vec<Pedestrian>,
 }
 
-/// The spacing of the beams that a trace keeps: every `stride`-th, so that at most `beams` remain of `total`; `beams` 0 counts as 1.
+/// The spacing of the beams that a trace keeps: every `stride`-th, so that at most `beams` remain
+/// of `total`; `beams` 0 counts as 1.
 ///
 /// # Examples
 ///
@@ -56,8 +60,9 @@ pub fn beam_stride(total: usize, beams: usize) -> usize {
     total.div_ceil(beams.max(1)).max(1)
 }
 
-/// Runs episodes side by side and keeps every step; the answer has each episode once, in the order of their indices. Of a scan at
-/// most `beams` are kept, as [`beam_stride`] says; `usize::MAX` keeps all.
+/// Runs episodes side by side and keeps every step; the answer has each episode once, in the order
+/// of their indices. Of a scan at most `beams` are kept, as [`beam_stride`] says; `usize::MAX`
+/// keeps all.
 ///
 /// # Errors
 ///

@@ -1,6 +1,8 @@
-//! Drivers of the robot: a trained policy, any function of the observation, or one that knows everyone's position.
+//! Drivers of the robot: a trained policy, any function of the observation, or one that knows
+//! everyone's position.
 //!
-//! Every [`RobotPolicy`] is a [`Robot`]. What reads more than the observation row implements [`Robot`] itself.
+//! Every [`RobotPolicy`] is a [`Robot`]. What reads more than the observation row implements
+//! [`Robot`] itself.
 
 use jostle_peds::Pedestrian;
 use jostle_policy::{Backend, Batch, Network, actor};
@@ -24,8 +26,8 @@ pub type Views<'r, 'v> = &'r mut dyn Iterator<Item = RobotView<'v>>;
 
 /// The driver of the robots of many rooms.
 pub trait Robot: Send {
-    /// Answers one action (v, ω) for each room. An action must be a function of its own room's view. `memory` is for
-    /// gathering rows.
+    /// Answers one action (v, ω) for each room. An action must be a function of its own room's
+    /// view. `memory` is for gathering rows.
     ///
     /// # Errors
     ///
@@ -52,8 +54,8 @@ impl<P: RobotPolicy + ?Sized> Robot for P {
 
 /// A policy for the robot: a function of the observation row.
 ///
-/// Rows of one call belong to different episodes, and which ones stand side by side depends on the lock step: the action
-/// of a row must be a function of that row alone.
+/// Rows of one call belong to different episodes, and which ones stand side by side depends on the
+/// lock step: the action of a row must be a function of that row alone.
 ///
 /// # Examples
 ///
@@ -66,16 +68,17 @@ impl<P: RobotPolicy + ?Sized> Robot for P {
 /// assert_eq!(actions, [[1.0, 0.0]; 2]);
 /// ```
 pub trait RobotPolicy: Send {
-    /// Answers one action (v, ω) for each observation. Actions are clipped to the robot's limits by the caller.
+    /// Answers one action (v, ω) for each observation. Actions are clipped to the robot's limits by
+    /// the caller.
     ///
     /// # Shapes
     ///
-    /// `observations` [B, row], row-major: scans oldest first, then the goal in the robot's frame and (v, ω), which are
-    /// the row's last four numbers. `actions` `[B]`.
+    /// `observations` [B, row], row-major: scans oldest first, then the goal in the robot's frame
+    /// and (v, ω), which are the row's last four numbers. `actions` `[B]`.
     fn act(&mut self, observations: &[f32], actions: &mut [[f32; 2]]);
 
-    /// As [`Self::act`], for rows that do not lie side by side; `memory` is for gathering them. A policy that has a place
-    /// of its own for its batch overrides this and saves a copy.
+    /// As [`Self::act`], for rows that do not lie side by side; `memory` is for gathering them. A
+    /// policy that has a place of its own for its batch overrides this and saves a copy.
     fn act_rows(&mut self, rows: Rows<'_, '_>, memory: &mut Vec<f32>, actions: &mut [[f32; 2]]) {
         memory.clear();
         rows.for_each(|row| memory.extend_from_slice(row));

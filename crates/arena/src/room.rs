@@ -1,13 +1,13 @@
 //! One test room: a robot (body 0) among pedestrians (bodies 1 …), for one episode.
 //!
-//! Reading order: [`ArenaRoom::new`] (spawn), [`ArenaRoom::step`] (a control period, in the order of its calls); `live` (a
-//! room that someone changes while it runs).
+//! Reading order: [`ArenaRoom::new`] (spawn), [`ArenaRoom::step`] (a control period, in the order
+//! of its calls); `live` (a room that someone changes while it runs).
 //!
 //! The robot may have mass (`sim.robot.dynamics`); pedestrians walk as they will, as people do.
 //!
-//! Every draw comes from a stream named by its purpose and by the episode's index, so that episode k starts the same in
-//! every crowd, for every policy and at any lock step. What pedestrians draw later (goals, re-spawns) has a stream for
-//! each pedestrian.
+//! Every draw comes from a stream named by its purpose and by the episode's index, so that episode
+//! k starts the same in every crowd, for every policy and at any lock step. What pedestrians draw
+//! later (goals, re-spawns) has a stream for each pedestrian.
 
 mod live;
 
@@ -55,14 +55,14 @@ impl RoomPlan {
     ///
     /// # Errors
     ///
-    /// Settings out of range; a map that cannot be read; a room without places for so many. What passes here never fails to find
-    /// a start, a goal or a place for a re-spawn.
+    /// Settings out of range; a map that cannot be read; a room without places for so many. What
+    /// passes here never fails to find a start, a goal or a place for a re-spawn.
     pub fn new(config: &ArenaConfig, crowd: CrowdKind) -> Result<Self, ArenaError> {
         Self::with(config, crowd.into(), config.crowds.visibility.row(crowd), crowd.is_learned())
     }
 
-    /// The plan of a cell with the given crowd, which may be of one's own: it says itself what its pedestrians see and whether they sense
-    /// by laser.
+    /// The plan of a cell with the given crowd, which may be of one's own: it says itself what its
+    /// pedestrians see and whether they sense by laser.
     ///
     /// # Errors
     ///
@@ -183,7 +183,8 @@ pub struct ArenaRoom {
     speed_factor: Vec<f32>,
     /// Recorded people, and the moment of their recording.
     playback: Option<Playback>,
-    /// In a scene: for each pedestrian the time from which on it stands whatever the crowd says (s), if there is one.
+    /// In a scene: for each pedestrian the time from which on it stands whatever the crowd says
+    /// (s), if there is one.
     stands_from: Vec<Option<f32>>,
     /// The gaits of pedestrians that walk and stand in turns, each with the stream of its draws.
     gaits: Vec<(Gait, StreamRng)>,
@@ -202,8 +203,8 @@ pub struct ArenaRoom {
 }
 
 impl ArenaRoom {
-    /// Spawns episode `episode`: the robot first, so that its start and goal do not depend on the number of
-    /// pedestrians, then each pedestrian.
+    /// Spawns episode `episode`: the robot first, so that its start and goal do not depend on the
+    /// number of pedestrians, then each pedestrian.
     ///
     /// # Errors
     ///
@@ -212,7 +213,8 @@ impl ArenaRoom {
         Self::seeded(plan, laser, plan.config.seed, episode)
     }
 
-    /// As [`Self::new`], with a root seed of its own: for rooms that one trains in, whose episodes are not the test's.
+    /// As [`Self::new`], with a root seed of its own: for rooms that one trains in, whose episodes
+    /// are not the test's.
     ///
     /// # Errors
     ///
@@ -316,24 +318,26 @@ impl ArenaRoom {
         &self.ranges[..self.ranges.len() / self.motions.len()]
     }
 
-    /// Noise-free distance from the robot's centre to the nearest thing all round, which its crash is judged by (m); for a
-    /// laser that sees all round, the least of [`Self::robot_ranges`].
+    /// Noise-free distance from the robot's centre to the nearest thing all round, which its crash
+    /// is judged by (m); for a laser that sees all round, the least of [`Self::robot_ranges`].
     pub fn robot_nearest(&self) -> f32 {
         self.summaries[ROBOT].min_range
     }
 
-    /// Linear and angular velocity that the robot executed in the last step; 0 before the first and where it was stopped. Of a robot
-    /// that has mass, what it moves with at the step's end.
+    /// Linear and angular velocity that the robot executed in the last step; 0 before the first and
+    /// where it was stopped. Of a robot that has mass, what it moves with at the step's end.
     pub fn robot_velocity(&self) -> [f32; 2] {
         self.velocity
     }
 
-    /// The pedestrians as they stand; [`Self::is_present`] says of recorded ones whether they are in the room.
+    /// The pedestrians as they stand; [`Self::is_present`] says of recorded ones whether they are
+    /// in the room.
     pub fn pedestrians(&self) -> &[Pedestrian] {
         &self.pedestrians
     }
 
-    /// True while a pedestrian is in the room. A recorded one that has not come yet or has gone waits beyond the walls.
+    /// True while a pedestrian is in the room. A recorded one that has not come yet or has gone
+    /// waits beyond the walls.
     pub fn is_present(&self, pedestrian: usize) -> bool {
         self.playback.as_ref().is_none_or(|playback| playback.is_shown(pedestrian))
     }
@@ -350,7 +354,8 @@ impl ArenaRoom {
         Pedestrian { position: pose.position, velocity, heading: pose.heading, goal: self.goal }
     }
 
-    /// Distance from the robot's outline to the nearest pedestrian, obstacle or wall, m; 0 where it touches one.
+    /// Distance from the robot's outline to the nearest pedestrian, obstacle or wall, m; 0 where it
+    /// touches one.
     pub fn robot_clearance(&self) -> f32 {
         self.world.body_clearance(ROBOT)
     }
@@ -360,7 +365,8 @@ impl ArenaRoom {
         RobotView { row: self.robot_observation(), robot: self.robot(), pedestrians: &self.pedestrians }
     }
 
-    /// Everything that the crowd may know; `others` holds the robot where the visibility matrix lets it be seen, else nothing.
+    /// Everything that the crowd may know; `others` holds the robot where the visibility matrix
+    /// lets it be seen, else nothing.
     pub fn view<'a>(&'a self, others: &'a [Pedestrian]) -> RoomView<'a> {
         RoomView {
             pedestrians: &self.pedestrians,
@@ -400,9 +406,10 @@ impl ArenaRoom {
         self.set_pace();
     }
 
-    /// One control period: everyone moves and scans, the robot's end is looked for, everyone observes, and pedestrians
-    /// that arrived or crashed get new goals and places. As in training, the others see a re-placed body from their next
-    /// scan on. Returns the result once the episode has ended; the room is spent then.
+    /// One control period: everyone moves and scans, the robot's end is looked for, everyone
+    /// observes, and pedestrians that arrived or crashed get new goals and places. As in training,
+    /// the others see a re-placed body from their next scan on. Returns the result once the episode
+    /// has ended; the room is spent then.
     ///
     /// # Errors
     ///
@@ -436,8 +443,8 @@ impl ArenaRoom {
         Ok(None)
     }
 
-    /// The robot's observation in the state that ended its episode, which a value after a cut-off may need. A test never
-    /// does, so that [`Self::step`] leaves it out.
+    /// The robot's observation in the state that ended its episode, which a value after a cut-off
+    /// may need. A test never does, so that [`Self::step`] leaves it out.
     pub fn observe_end(&mut self, plan: &RoomPlan) {
         self.observe(plan, ROBOT);
     }
@@ -472,9 +479,9 @@ impl ArenaRoom {
         self.steps += 1;
         let commanded = if self.stops[ROBOT].is_some() { [0.0; 2] } else { executed };
         self.velocity = self.world.measured(ROBOT).unwrap_or(commanded);
-        // Not the distance of the positions: in f32 their rounding adds up to 1e-5 m over an episode, and the way would
-        // exceed what the speed allows.
-        // (A robot that has mass goes as it goes.)
+        // Not the distance of the positions: in f32 their rounding adds up to 1e-5 m over an
+        // episode, and the way would exceed what the speed allows. (A robot that has mass goes as
+        // it goes.)
         self.path_length += if self.world.measured(ROBOT).is_some() {
             self.world.pose(ROBOT).position.as_dvec2().distance(start.position.as_dvec2())
         } else {
@@ -597,8 +604,8 @@ impl ArenaRoom {
         }
     }
 
-    /// True if a pedestrian ran into a wall, an obstacle or another pedestrian. The robot does not count, and one that stands by the
-    /// scene's will runs into nobody.
+    /// True if a pedestrian ran into a wall, an obstacle or another pedestrian. The robot does not
+    /// count, and one that stands by the scene's will runs into nobody.
     fn has_crashed(&mut self, plan: &RoomPlan, body: usize) -> bool {
         // Who stands is run into by others.
         if self.stands(plan, body - 1) {
@@ -624,7 +631,8 @@ impl ArenaRoom {
         }
     }
 
-    /// True if a pedestrian that goes by its scan was stopped by something which no scan is certain to show.
+    /// True if a pedestrian that goes by its scan was stopped by something which no scan is certain
+    /// to show.
     fn has_touched(&self, plan: &RoomPlan, body: usize) -> bool {
         plan.crash_rule.bodies_touch()
             && match self.stops[body] {
@@ -634,7 +642,8 @@ impl ArenaRoom {
             }
     }
 
-    /// True if the robot may be what stopped a body: it is near, and nothing else is within reach of one step.
+    /// True if the robot may be what stopped a body: it is near, and nothing else is within reach
+    /// of one step.
     fn touches_robot_alone(&self, plan: &RoomPlan, body: usize) -> bool {
         let reach = 2.0 * self.world.shape(body).circumradius() + step_length(self.motions[body], plan);
         let position = self.world.pose(body).position;

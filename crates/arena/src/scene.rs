@@ -1,8 +1,10 @@
-//! Scenes: a floor with walls and blocks, and regions in which robot and pedestrians start and have their goals.
+//! Scenes: a floor with walls and blocks, and regions in which robot and pedestrians start and have
+//! their goals.
 //!
-//! A scene takes the place of the usual room in an episode. Everything else stays: streams named by episode, crowds that drive
-//! the pedestrians, crashes, metrics. Reading order: [`SceneConfig`] (data), [`SceneConfig::validate`], [`SceneConfig::place`] (starts
-//! and goals of an episode), [`SceneConfig::next_goal`] and [`SceneConfig::restart`] (what happens to pedestrians later).
+//! A scene takes the place of the usual room in an episode. Everything else stays: streams named by
+//! episode, crowds that drive the pedestrians, crashes, metrics. Reading order: [`SceneConfig`]
+//! (data), [`SceneConfig::validate`], [`SceneConfig::place`] (starts and goals of an episode),
+//! [`SceneConfig::next_goal`] and [`SceneConfig::restart`] (what happens to pedestrians later).
 
 use std::fmt;
 
@@ -17,7 +19,8 @@ use crate::error::ArenaError;
 const TRIES: u32 = 1000;
 /// Cells along each side of the grid on which the free area of a region is measured.
 const GRID: u32 = 32;
-/// Distance that starts and goals keep from walls and blocks beyond a body's radius and the crash range (m).
+/// Distance that starts and goals keep from walls and blocks beyond a body's radius and the crash
+/// range (m).
 const MARGIN: f32 = 0.1;
 /// Free floor that a region must offer to each body that starts in it (m²).
 const AREA_OF_BODY: f32 = 1.0;
@@ -73,12 +76,14 @@ pub enum Manner {
     /// Nothing: the crowd drives them.
     #[default]
     Walks,
-    /// They stand on a circle and face each other, whatever the crowd says. Its centre is drawn in the group's start region.
+    /// They stand on a circle and face each other, whatever the crowd says. Its centre is drawn in
+    /// the group's start region.
     Stands {
         /// Radius of the circle (m).
         circle: f32,
     },
-    /// The crowd drives them until a time drawn uniformly from this range (s), from which on they stand.
+    /// The crowd drives them until a time drawn uniformly from this range (s), from which on they
+    /// stand.
     StopsDead([f32; 2]),
 }
 
@@ -90,7 +95,8 @@ pub struct GroupConfig {
     pub count: usize,
     /// The region of their starts.
     pub start: Region,
-    /// The region of their goals. A pedestrian that arrives turns back to the start region, and so on.
+    /// The region of their goals. A pedestrian that arrives turns back to the start region, and so
+    /// on.
     pub goal: Region,
     /// Their conduct on top of the crowd's.
     #[serde(default)]
@@ -156,8 +162,8 @@ impl SceneConfig {
     ///
     /// # Errors
     ///
-    /// A rectangle without an area or outside the floor, a region without room for those who start in it, a group of nobody, a
-    /// range of times that is reversed.
+    /// A rectangle without an area or outside the floor, a region without room for those who start
+    /// in it, a group of nobody, a range of times that is reversed.
     pub fn validate(&self, sim: &SimConfig) -> Result<(), ArenaError> {
         if !self.floor.is_sound() {
             return refuse("scene.floor", self.floor, "a rectangle with an area");
@@ -219,8 +225,9 @@ impl SceneConfig {
         Ok(())
     }
 
-    /// Refuses ways that nobody can go: from every free place of a start region one has to get to every free place of its goal
-    /// region without a crash into walls and blocks. The spawner is that of the scene's room.
+    /// Refuses ways that nobody can go: from every free place of a start region one has to get to
+    /// every free place of its goal region without a crash into walls and blocks. The spawner is
+    /// that of the scene's room.
     ///
     /// # Errors
     ///
@@ -240,8 +247,9 @@ impl SceneConfig {
         walking.into_iter().try_for_each(|group| check("scene.groups.goal", &group.start, &group.goal))
     }
 
-    /// Draws an episode's starts and goals: the robot first, so that its own do not depend on the pedestrians, then group by
-    /// group. Starts keep the body clearance from each other where they can; where none of 1000 points does, the best is taken.
+    /// Draws an episode's starts and goals: the robot first, so that its own do not depend on the
+    /// pedestrians, then group by group. Starts keep the body clearance from each other where they
+    /// can; where none of 1000 points does, the best is taken.
     pub fn place(&self, sim: &SimConfig, world: &World, rng: &mut impl Rng) -> Placing {
         let mut placing = Placing::default();
         let apart = sim.spawn.body_clearance;
@@ -294,8 +302,8 @@ impl SceneConfig {
         Some(free_point(region, world, clearance(sim), 0.0, &Placing::default(), rng))
     }
 
-    /// A new place for a pedestrian that crashed, in its start region, and a goal: `apart` from all bodies in `others`, or
-    /// as far from them as 1000 points are.
+    /// A new place for a pedestrian that crashed, in its start region, and a goal: `apart` from all
+    /// bodies in `others`, or as far from them as 1000 points are.
     pub fn restart(
         &self,
         pedestrian: usize,
@@ -330,15 +338,16 @@ impl Placing {
     }
 }
 
-/// Distance that everyone keeps from walls and blocks at their start and their goal: enough that nobody has crashed there, by contact or
-/// by their scan.
+/// Distance that everyone keeps from walls and blocks at their start and their goal: enough that
+/// nobody has crashed there, by contact or by their scan.
 fn clearance(sim: &SimConfig) -> f32 {
     let radius = Vec2::new(sim.robot.length, sim.robot.width).length() / 2.0;
     radius.max(sim.episode.crash_range) + MARGIN
 }
 
-/// A point of a region that keeps `clearance` from walls and blocks and `apart` from all who are placed. The first of 1000 that
-/// does, else the one that breaks the demands least: walls and blocks first, then the distance from the others.
+/// A point of a region that keeps `clearance` from walls and blocks and `apart` from all who are
+/// placed. The first of 1000 that does, else the one that breaks the demands least: walls and
+/// blocks first, then the distance from the others.
 fn free_point(
     region: &Region,
     world: &World,

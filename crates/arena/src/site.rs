@@ -1,10 +1,12 @@
-//! A room's walls and obstacles as polygons, piece by piece, to be drawn. Crowds are given [`Scenario::boundary`].
+//! A room's walls and obstacles as polygons, piece by piece, to be drawn. Crowds are given
+//! [`Scenario::boundary`].
 
 use glam::Vec2;
 use jostle_sim::{Scenario, outline};
 
-/// The polygons of a scenario: first the walls, clockwise (free space lies within), then every obstacle,
-/// counter-clockwise (solid); a segment has two vertices. A disc becomes the regular polygon of 16 corners around it.
+/// The polygons of a scenario: first the walls, clockwise (free space lies within), then every
+/// obstacle, counter-clockwise (solid); a segment has two vertices. A disc becomes the regular
+/// polygon of 16 corners around it.
 pub fn polygons(scenario: &Scenario) -> Vec<Vec<Vec2>> {
     let (min, max) = scenario.walls;
     let walls = vec![min, Vec2::new(min.x, max.y), max, Vec2::new(max.x, min.y)];

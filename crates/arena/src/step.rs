@@ -1,4 +1,5 @@
-//! One control period of rooms that share a plan: the robot and the crowd decide for all of them at once, then every room moves.
+//! One control period of rooms that share a plan: the robot and the crowd decide for all of them at
+//! once, then every room moves.
 //!
 //! A test in lock step, a trace, the live page and Python's environments all step their rooms here.
 
@@ -19,8 +20,8 @@ pub struct RoomStepper {
 }
 
 impl RoomStepper {
-    /// One control period, the robots driven by `robot`. Gives one entry for each room: its result if the episode has ended, after
-    /// which the room is spent.
+    /// One control period, the robots driven by `robot`. Gives one entry for each room: its result
+    /// if the episode has ended, after which the room is spent.
     ///
     /// # Errors
     ///
@@ -71,7 +72,8 @@ impl RoomStepper {
         rooms.par_iter_mut().enumerate().map(step).collect()
     }
 
-    /// Lets the crowd decide for all rooms at once, with the robot in view if its pedestrians see it.
+    /// Lets the crowd decide for all rooms at once, with the robot in view if its pedestrians see
+    /// it.
     fn decide(
         &mut self,
         plan: &RoomPlan,

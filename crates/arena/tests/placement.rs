@@ -1,4 +1,5 @@
-//! Places of robots, pedestrians and their goals in the test's rooms, and the ends of episodes by contact.
+//! Places of robots, pedestrians and their goals in the test's rooms, and the ends of episodes by
+//! contact.
 
 use std::io::Write as _;
 
@@ -25,7 +26,8 @@ fn square(side: f32, n_agents: usize) -> ArenaConfig {
     config
 }
 
-/// Runs episodes with a robot that stands still, to their ends or `steps`; `watch` sees each room after each step.
+/// Runs episodes with a robot that stands still, to their ends or `steps`; `watch` sees each room
+/// after each step.
 fn run(
     config: &ArenaConfig,
     crowd: CrowdKind,
@@ -47,7 +49,8 @@ fn run(
     }
 }
 
-/// FNV-1a over positions and goals of everyone. The robot's end is not looked at: pedestrians walk on beside it.
+/// FNV-1a over positions and goals of everyone. The robot's end is not looked at: pedestrians walk
+/// on beside it.
 fn hash_of_walks(config: &ArenaConfig, crowd: CrowdKind) -> u64 {
     let plan = RoomPlan::new(config, crowd).unwrap();
     let laser = Laser::new(&config.sim.laser).unwrap();
@@ -98,8 +101,9 @@ fn episodes_in_small_rooms_go_on_to_their_ends() {
                     let last = goals.insert((room.episode(), i), pedestrian.goal);
                     if last.is_some_and(|last| last != pedestrian.goal) {
                         n_new_goals += 1;
-                        // A new goal is as far as the room allows, and never far below what is asked for: the old goal's
-                        // start was a goal distance away from it, and one arrives a goal radius before it.
+                        // A new goal is as far as the room allows, and never far below what is
+                        // asked for: the old goal's start was a goal distance away from it, and one
+                        // arrives a goal radius before it.
                         let far = pedestrian.position.distance(pedestrian.goal);
                         assert!(far > 9.0, "{side} m, {crowd}: a goal {far} m away");
                     }
@@ -111,7 +115,8 @@ fn episodes_in_small_rooms_go_on_to_their_ends() {
     }
 }
 
-/// 39 pedestrians that re-spawn 3 m from everyone do not fit into the usual room: they get the freest places.
+/// 39 pedestrians that re-spawn 3 m from everyone do not fit into the usual room: they get the
+/// freest places.
 #[test]
 fn a_dense_crowd_goes_on_to_its_end() {
     let config = quick(40);
@@ -165,7 +170,8 @@ fn pedestrians_get_goals_that_they_can_get_to() {
     assert!(goals.len() > 100, "{} goals", goals.len());
 }
 
-/// A long robot and a pedestrian that meet end the robot's episode, whoever of the two moves; so does a wall.
+/// A long robot and a pedestrian that meet end the robot's episode, whoever of the two moves; so
+/// does a wall.
 #[test]
 fn a_long_robot_that_touches_something_has_crashed() {
     let mut config = quick(2);
@@ -202,7 +208,8 @@ fn a_long_robot_that_touches_something_has_crashed() {
     );
 }
 
-/// Long pedestrians that go by their scan are re-spawned where they are stopped by a wall, and not by the robot.
+/// Long pedestrians that go by their scan are re-spawned where they are stopped by a wall, and not
+/// by the robot.
 #[test]
 fn a_long_pedestrian_that_touches_a_wall_is_put_elsewhere() {
     let mut config = quick(2);

@@ -1,7 +1,9 @@
-//! Criterion benches of every hot path: `cargo bench -p jostle-bench -- NAME`, with NAME any part of a bench's name.
+//! Criterion benches of every hot path: `cargo bench -p jostle-bench -- NAME`, with NAME any part
+//! of a bench's name.
 //!
-//! The settings of criterion are those of [`settings`] alone. Each bench says how much it does, so that criterion prints
-//! beams, agent-steps, rows, transitions or episodes per second beside the time.
+//! The settings of criterion are those of [`settings`] alone. Each bench says how much it does, so
+//! that criterion prints beams, agent-steps, rows, transitions or episodes per second beside the
+//! time.
 
 mod crowds;
 mod evaluation;
@@ -13,7 +15,8 @@ use std::time::Duration;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 
-/// Few samples and short times: the rounds of `cargo xtask bench` serve comparisons, these benches serve work on a kernel.
+/// Few samples and short times: the rounds of `cargo xtask bench` serve comparisons, these benches
+/// serve work on a kernel.
 fn settings() -> Criterion {
     Criterion::default()
         .sample_size(15)

@@ -1,7 +1,8 @@
 //! Taking of seconds, and the median of rounds.
 //!
-//! Work on one thread is timed by what that thread has computed, so that a machine that is busy with other work does not
-//! distort it; work on several threads by the wall clock. The drivers in `peers/` do the same.
+//! Work on one thread is timed by what that thread has computed, so that a machine that is busy
+//! with other work does not distort it; work on several threads by the wall clock. The drivers in
+//! `peers/` do the same.
 
 use std::time::Instant;
 
@@ -51,8 +52,9 @@ pub struct Stopwatch {
 }
 
 impl Stopwatch {
-    /// Starts a clock for work on so many threads. Where the system does not tell a thread's own time, it is the wall
-    /// clock. (Linux's `/proc/thread-self/schedstat` would need no dependency, but moves in ticks of 4 ms.)
+    /// Starts a clock for work on so many threads. Where the system does not tell a thread's own
+    /// time, it is the wall clock. (Linux's `/proc/thread-self/schedstat` would need no dependency,
+    /// but moves in ticks of 4 ms.)
     pub fn start(threads: usize) -> Self {
         let cpu = if threads == 1 { ThreadTime::try_now().ok() } else { None };
         Self { wall: Instant::now(), cpu }

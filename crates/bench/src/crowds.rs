@@ -1,6 +1,7 @@
 //! Pedestrians without lasers: ORCA and the social force model on open ground.
 //!
-//! The ORCA scene is built from a generator of a few lines, so that the drivers in `peers/` build the same.
+//! The ORCA scene is built from a generator of a few lines, so that the drivers in `peers/` build
+//! the same.
 
 use std::sync::Arc;
 
@@ -20,8 +21,8 @@ const PARAMETERS: AgentParameters = AgentParameters {
     radius: 0.35,
     max_speed: 1.0,
 };
-/// Steps before the clock starts. Both sides should agree on where the agents are then; much later they need not, since a
-/// dense crowd makes large differences of small ones.
+/// Steps before the clock starts. Both sides should agree on where the agents are then; much later
+/// they need not, since a dense crowd makes large differences of small ones.
 const WARM_UP: usize = 20;
 
 /// A 64-bit linear congruential generator.
@@ -80,8 +81,8 @@ impl OrcaScene {
         }
     }
 
-    /// A round from the start of the scene: the same steps every time. The check is a sum over the positions at which the
-    /// clock starts.
+    /// A round from the start of the scene: the same steps every time. The check is a sum over the
+    /// positions at which the clock starts.
     pub fn round(&self, threads: usize) -> Round {
         let mut scene = self.clone();
         (0..WARM_UP).for_each(|_| scene.step(threads > 1));
@@ -99,7 +100,8 @@ impl OrcaScene {
     }
 }
 
-/// Timed steps of a round: about 600,000 agent-steps, but not fewer than 30 steps nor more than 20,000.
+/// Timed steps of a round: about 600,000 agent-steps, but not fewer than 30 steps nor more than
+/// 20,000.
 fn n_steps(n_agents: usize) -> usize {
     (600_000 / n_agents).clamp(30, 20_000)
 }

@@ -1,4 +1,5 @@
-//! The Rust in the documentation, compiled with the doctests. It stands here because this crate knows all others.
+//! The Rust in the documentation, compiled with the doctests. It stands here because this crate
+//! knows all others.
 
 #[doc = include_str!("../../../docs/how-to-crowd.md")]
 struct HowToCrowd;

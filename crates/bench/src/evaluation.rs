@@ -1,7 +1,7 @@
 //! A cell of the paper's tables: hundreds of episodes in lock step.
 //!
-//! All networks have fresh parameters and are paid for, but the robot seeks its goal whatever its network answers, so
-//! that episodes have the lengths of a trained policy's.
+//! All networks have fresh parameters and are paid for, but the robot seeks its goal whatever its
+//! network answers, so that episodes have the lengths of a trained policy's.
 
 use std::collections::BTreeMap;
 

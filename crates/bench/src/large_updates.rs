@@ -1,8 +1,9 @@
-//! A learner's work in a large update, all of it but the simulator: actions step by step, values of the rollout, and shuffled
-//! minibatches for actor and critic.
+//! A learner's work in a large update, all of it but the simulator: actions step by step, values of
+//! the rollout, and shuffled minibatches for actor and critic.
 //!
-//! As in work U the loss is the mean of the squared outputs, so that other software can do the same without the rest of PPO, which
-//! costs both sides a few percent. There is one behaviour, so nobody asks a discriminator.
+//! As in work U the loss is the mean of the squared outputs, so that other software can do the same
+//! without the rest of PPO, which costs both sides a few percent. There is one behaviour, so nobody
+//! asks a discriminator.
 
 use jostle_policy::backend::{actor_of_inputs, critic_of_inputs};
 use jostle_policy::encoder::motion::MotionInputs;
@@ -21,10 +22,11 @@ const LEARNING_RATE: f64 = 5e-4;
 pub enum Shape {
     /// The paper's network; 80 agents, 100 steps, minibatches of 1,000, three epochs.
     Paper,
-    /// The paper's network over 128 pooled beams; 160 agents, 64 steps, minibatches of 512, one epoch.
+    /// The paper's network over 128 pooled beams; 160 agents, 64 steps, minibatches of 512, one
+    /// epoch.
     Pooled,
-    /// Bodies with their velocities into a perceptron of 256 and 128 units; 384 agents, 64 steps, minibatches of 1,024, two
-    /// epochs: `configs/strong.toml`.
+    /// Bodies with their velocities into a perceptron of 256 and 128 units; 384 agents, 64 steps,
+    /// minibatches of 1,024, two epochs: `configs/strong.toml`.
     Motion,
 }
 
@@ -115,7 +117,8 @@ impl LargeUpdate {
     ///
     /// # Errors
     ///
-    /// None that a build for this workspace's sizes can show; the networks' constructors could refuse.
+    /// None that a build for this workspace's sizes can show; the networks' constructors could
+    /// refuse.
     pub fn new(shape: Shape) -> Result<Self, BenchError> {
         let sizes = shape.sizes();
         let rng = &mut stream("large_update");

@@ -1,7 +1,8 @@
 //! Work U: one update's learning at the size of the paper's runs, and each network's part of it.
 //!
-//! 640 transitions in one full batch; three epochs each of actor, critic and both discriminators: forward, backward and
-//! Adam. The loss is the mean of the squared outputs, so that other software can do the same without the rest of PPO.
+//! 640 transitions in one full batch; three epochs each of actor, critic and both discriminators:
+//! forward, backward and Adam. The loss is the mean of the squared outputs, so that other software
+//! can do the same without the rest of PPO.
 
 use jostle_diversity::{DiscriminatorShape, discriminator};
 use jostle_policy::{Backend, Batch, Network, NetworkConfig, Parameters, actor, critic};
@@ -134,7 +135,8 @@ impl WorkU {
     ///
     /// # Errors
     ///
-    /// None that a build for this workspace's sizes can show; the networks' constructors could refuse.
+    /// None that a build for this workspace's sizes can show; the networks' constructors could
+    /// refuse.
     pub fn new() -> Result<Self, BenchError> {
         let config = NetworkConfig { n_behaviours: N_BEHAVIOURS, ..NetworkConfig::default() };
         let rng = &mut stream("work.u");

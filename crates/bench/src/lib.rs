@@ -1,10 +1,14 @@
-//! Shared workloads: what the criterion benches and `cargo xtask bench` time, so that both time the same.
+//! Shared workloads: what the criterion benches and `cargo xtask bench` time, so that both time the
+//! same.
 //!
-//! Reading order: [`clock`] (how seconds are taken), the workloads [`learners`] ("work U"), [`large_updates`], [`scenes`] (the simulator),
-//! [`rollouts`] (simulator and actor together), [`crowds`] (ORCA, social force), [`evaluation`] and [`planners`]; [`products`] (the
-//! largest layer by itself), [`rates`] (what the machine can do); [`peer_work`] (the workloads that other software does, too). The other software's drivers stand in `peers/`.
+//! Reading order: [`clock`] (how seconds are taken), the workloads [`learners`] ("work U"),
+//! [`large_updates`], [`scenes`] (the simulator), [`rollouts`] (simulator and actor together),
+//! [`crowds`] (ORCA, social force), [`evaluation`] and [`planners`]; [`products`] (the largest
+//! layer by itself), [`rates`] (what the machine can do); [`peer_work`] (the workloads that other
+//! software does, too). The other software's drivers stand in `peers/`.
 //!
-//! Architecture invariant: nothing here is needed for a result; the clock is read here and nowhere below.
+//! Architecture invariant: nothing here is needed for a result; the clock is read here and nowhere
+//! below.
 
 #![forbid(unsafe_code)]
 

@@ -1,4 +1,5 @@
-//! The workloads that other software does, too: one name, one round at a time, so that sides can take turns.
+//! The workloads that other software does, too: one name, one round at a time, so that sides can
+//! take turns.
 
 use std::fmt;
 use std::str::FromStr;
@@ -37,8 +38,8 @@ pub enum PeerWork {
     },
 }
 
-/// Rows of a round of inference, for both sides: a tenth of a second, so that neither the caches that the other side left
-/// cold nor a slice of the scheduler decides.
+/// Rows of a round of inference, for both sides: a tenth of a second, so that neither the caches
+/// that the other side left cold nor a slice of the scheduler decides.
 const ROWS_OF_A_ROUND: usize = 4000;
 
 impl PeerWork {
@@ -52,8 +53,8 @@ impl PeerWork {
         }
     }
 
-    /// Makes everything ready and warm; each call of the answer is one round. To be called on the threads of a pool of
-    /// `threads`.
+    /// Makes everything ready and warm; each call of the answer is one round. To be called on the
+    /// threads of a pool of `threads`.
     ///
     /// # Errors
     ///

@@ -1,7 +1,8 @@
-//! The three products of fc1 (4096 → 256), two thirds of a trunk's arithmetic, at the batch of work U, on one thread.
+//! The three products of fc1 (4096 → 256), two thirds of a trunk's arithmetic, at the batch of work
+//! U, on one thread.
 //!
-//! A ReLU stands before the layer and one behind it, so half of its inputs and of its output gradients are zero here, as in a fresh
-//! network. Operations are counted as if they were not.
+//! A ReLU stands before the layer and one behind it, so half of its inputs and of its output
+//! gradients are zero here, as in a fresh network. Operations are counted as if they were not.
 
 use jostle_kernels::{AlignedVec, Chunks, Forward, Isa, Linear};
 use rand::Rng;

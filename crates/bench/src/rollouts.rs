@@ -1,4 +1,5 @@
-//! Steps of a rollout with inference: all rooms in turn, or one half simulated while the other is inferred.
+//! Steps of a rollout with inference: all rooms in turn, or one half simulated while the other is
+//! inferred.
 
 use jostle_policy::{Backend, Batch, Network, NetworkConfig, Parameters, actor};
 use jostle_sim::{Rooms, SimConfig, Streams};
@@ -69,7 +70,8 @@ impl Acting {
                 let mut infer = |observations: &[f32], tokens: &[u32], actions: &mut [[f32; 2]]| {
                     actor.infer(Batch::new(observations, tokens), actions.as_flattened_mut());
                 };
-                // The other half's actions are behind by half a step: inferred while the first half moves.
+                // The other half's actions are behind by half a step: inferred while the first half
+                // moves.
                 rayon::join(
                     || rooms.step(actions),
                     || infer(other_rooms.observations(), other_rooms.tokens(), others),

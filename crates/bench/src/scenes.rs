@@ -62,7 +62,8 @@ impl Stepping {
         Ok(Self { rooms, actions, step: 0 })
     }
 
-    /// One step of all agents: motion, 512 noisy beams each, reward, observation. Returns the number of agents.
+    /// One step of all agents: motion, 512 noisy beams each, reward, observation. Returns the
+    /// number of agents.
     pub fn step(&mut self) -> usize {
         let turn = f32::sin(self.step as f32 * 0.05);
         for (agent, action) in self.actions.iter_mut().enumerate() {

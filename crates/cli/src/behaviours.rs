@@ -1,4 +1,5 @@
-//! `cargo xtask behaviours`: what each behaviour of a run does in the training world, and what it is paid for it.
+//! `cargo xtask behaviours`: what each behaviour of a run does in the training world, and what it
+//! is paid for it.
 
 use std::path::PathBuf;
 use std::process::ExitCode;

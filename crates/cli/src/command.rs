@@ -26,7 +26,8 @@ pub enum Command {
     Sweep(sweep::SweepArgs),
     /// Test a checkpoint or a planner among crowds that it never met.
     Evaluate(evaluate::EvaluateArgs),
-    /// Print the paper's tables, figures and claims beside our own: from shipped policies, or trained from nothing.
+    /// Print the paper's tables, figures and claims beside our own: from shipped policies, or
+    /// trained from nothing.
     Reproduce(reproduce::ReproduceArgs),
     /// Rank robots on the standard suite; every entry runs again to the bit.
     Leaderboard(leaderboard::LeaderboardArgs),
@@ -90,7 +91,8 @@ impl Command {
     }
 }
 
-/// Reads the command line; `Err` carries the exit status where there is nothing to run (help, version, a mistake).
+/// Reads the command line; `Err` carries the exit status where there is nothing to run (help,
+/// version, a mistake).
 ///
 /// # Errors
 /// The exit status, when the command line has been answered already.
@@ -108,7 +110,8 @@ pub fn parse<C: Parser>() -> std::result::Result<C, ExitCode> {
     })
 }
 
-/// The program's exit status: a failure is told as one line, a stop that was asked for has a status of its own.
+/// The program's exit status: a failure is told as one line, a stop that was asked for has a status
+/// of its own.
 pub fn conclude(outcome: Result<ExitCode>) -> ExitCode {
     outcome.unwrap_or_else(|error| {
         if let Some(stopped) = error.downcast_ref::<stop::Stopped>() {

@@ -1,4 +1,5 @@
-//! `cargo xtask compare`: what two training runs have in different, in their settings and in their curves.
+//! `cargo xtask compare`: what two training runs have in different, in their settings and in their
+//! curves.
 
 use std::path::PathBuf;
 use std::process::ExitCode;

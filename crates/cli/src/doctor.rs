@@ -1,4 +1,5 @@
-//! `cargo xtask doctor`: what of this machine and this checkout could get in the way, and what to do about it.
+//! `cargo xtask doctor`: what of this machine and this checkout could get in the way, and what to
+//! do about it.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
@@ -11,7 +12,8 @@ use jostle_runs::output;
 use jostle_runs::output::columns;
 use jostle_runs::provenance::{commit, workspace};
 
-/// Free space below which a run may not finish: a run keeps up to six checkpoints of 31 MB and its log.
+/// Free space below which a run may not finish: a run keeps up to six checkpoints of 31 MB and its
+/// log.
 const DISK_MB: u64 = 2_000;
 /// Memory below which building may not finish.
 const MEMORY_MB: u64 = 2_000;

@@ -1,4 +1,5 @@
-//! The files that the program brings, for where there is no checkout: configurations, maps, and the policies that `demo` shows.
+//! The files that the program brings, for where there is no checkout: configurations, maps, and the
+//! policies that `demo` shows.
 
 use jostle_runs::shipped::Embedded;
 

@@ -34,11 +34,11 @@ use jostle_view::recording::RecordingArgs;
     cargo xtask evaluate runs/ours --crowds VO,SF --set sim.robot.dynamics=rapier --out results/rapier\n  \
     cargo xtask evaluate runs/ours --recording recordings/sample.txt --episodes 200")]
 pub struct EvaluateArgs {
-    /// Checkpoint file, run folder for its newest checkpoint, or a planner that was not learned: straight, brake,
-    /// goal-seeker, dwa, orca, social-force.
+    /// Checkpoint file, run folder for its newest checkpoint, or a planner that was not learned:
+    /// straight, brake, goal-seeker, dwa, orca, social-force.
     policy: PathBuf,
-    /// Crowds, separated by commas: NH, IN, VA, SO (these need --pool), VO, SF; to choose settings by, without spending the six:
-    /// straight, stop-and-go, cross-play (the last with --pool).
+    /// Crowds, separated by commas: NH, IN, VA, SO (these need --pool), VO, SF; to choose settings
+    /// by, without spending the six: straight, stop-and-go, cross-play (the last with --pool).
     #[arg(
         long,
         value_delimiter = ',',
@@ -50,13 +50,15 @@ pub struct EvaluateArgs {
     /// Episodes per crowd; episode k is the same for every policy.
     #[arg(long, value_name = "N", default_value_t = 1000)]
     episodes: u64,
-    /// Policies that drive learned pedestrians: files, run folders, or a folder of either; may be repeated.
+    /// Policies that drive learned pedestrians: files, run folders, or a folder of either; may be
+    /// repeated.
     #[arg(long, value_name = "PATH", num_args = 1..)]
     pool: Vec<PathBuf>,
     /// The same at half their training, for crowd SO (default: from the runs of --pool).
     #[arg(long, value_name = "PATH", num_args = 1..)]
     pool_half: Vec<PathBuf>,
-    /// Harder places in place of the usual room: `standard`, or a TOML file of scenes. Every crowd is tested in each.
+    /// Harder places in place of the usual room: `standard`, or a TOML file of scenes. Every crowd
+    /// is tested in each.
     #[arg(long, value_name = "NAME", conflicts_with = "recording")]
     suite: Option<String>,
     /// Behaviour token of the robot.
@@ -65,7 +67,8 @@ pub struct EvaluateArgs {
     /// Agents in a room, the robot among them (default: as in training, for a planner 5).
     #[arg(long, value_name = "N", conflicts_with_all = ["suite", "recording"])]
     agents: Option<usize>,
-    /// Change a key of the room that the policy was trained in, such as `sim.robot.dynamics=rapier`; may be repeated.
+    /// Change a key of the room that the policy was trained in, such as
+    /// `sim.robot.dynamics=rapier`; may be repeated.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     changes: Vec<String>,
     #[command(flatten)]

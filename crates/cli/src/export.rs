@@ -25,7 +25,8 @@ pub struct ExportArgs {
     /// Behaviour token that is baked in (default: the model has an input for it).
     #[arg(long, value_name = "Z")]
     token: Option<u32>,
-    /// The file that is written (default: the policy's name with the format's ending, in the working folder).
+    /// The file that is written (default: the policy's name with the format's ending, in the
+    /// working folder).
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 }

@@ -1,4 +1,5 @@
-//! `cargo xtask milestones`: training measures of runs at chosen updates, side by side: what a setting is picked by.
+//! `cargo xtask milestones`: training measures of runs at chosen updates, side by side: what a
+//! setting is picked by.
 
 use std::path::PathBuf;
 use std::process::ExitCode;

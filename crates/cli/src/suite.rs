@@ -1,4 +1,5 @@
-//! `cargo xtask evaluate --suite`: a policy on every scene of a suite among every crowd that is asked for.
+//! `cargo xtask evaluate --suite`: a policy on every scene of a suite among every crowd that is
+//! asked for.
 
 use std::path::Path;
 

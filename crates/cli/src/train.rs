@@ -20,14 +20,16 @@ use jostle_runs::provenance;
 use jostle_runs::run_folder::RunFolder;
 use jostle_runs::stop::{self, Stopped};
 
-/// A run keeps a checkpoint for each of this many equal parts: 31 MB each at the paper's sizes. The half serves crowd SO,
-/// the quarter a row of Table 1.
+/// A run keeps a checkpoint for each of this many equal parts: 31 MB each at the paper's sizes. The
+/// half serves crowd SO, the quarter a row of Table 1.
 const PARTS: u64 = 4;
-/// Newest checkpoints that are kept whatever happens: the last one and, should it be damaged, the one before.
+/// Newest checkpoints that are kept whatever happens: the last one and, should it be damaged, the
+/// one before.
 const NEWEST: usize = 2;
 /// Updates over which the shown success is taken.
 const RECENT: usize = 50;
-/// Minutes between checkpoints that are written whatever the number of updates, where nothing else is said.
+/// Minutes between checkpoints that are written whatever the number of updates, where nothing else
+/// is said.
 pub(crate) const CHECKPOINT_MINUTES: f64 = 5.0;
 /// Most minutes between two of them: a year.
 const CHECKPOINT_MINUTES_MAX: f64 = 525_600.0;
@@ -39,7 +41,8 @@ const CHECKPOINT_MINUTES_MAX: f64 = 525_600.0;
     cargo xtask train --config configs/diversity_m5.toml --set seed=7 --set updates=1500 --out runs/ours-7 --resume"
 )]
 pub struct TrainArgs {
-    /// TOML file, or the name of a shipped one, such as `strong`; keys that it leaves out have the paper's values.
+    /// TOML file, or the name of a shipped one, such as `strong`; keys that it leaves out have the
+    /// paper's values.
     #[arg(long, value_name = "FILE")]
     config: PathBuf,
     /// Override one key, such as `alpha=0.03` or `sim.laser.noise_std=0`; may be repeated.
@@ -51,15 +54,16 @@ pub struct TrainArgs {
     /// Go on from the newest checkpoint; starts from nothing where there is none.
     #[arg(long)]
     resume: bool,
-    /// Worker threads (default: the configuration's, else all cores). The result does not depend on it.
+    /// Worker threads (default: the configuration's, else all cores). The result does not depend on
+    /// it.
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
-    /// Minutes after which a checkpoint is written between those of `checkpoint_every`; it is removed when the run is
-    /// finished. What a kill can cost. 0: none.
+    /// Minutes after which a checkpoint is written between those of `checkpoint_every`; it is
+    /// removed when the run is finished. What a kill can cost. 0: none.
     #[arg(long, value_name = "M", default_value_t = CHECKPOINT_MINUTES)]
     checkpoint_minutes: f64,
-    /// Transitions after which the policy is kept as `milestones/N.safetensors`, separated by commas; the first update that
-    /// reaches a number counts.
+    /// Transitions after which the policy is kept as `milestones/N.safetensors`, separated by
+    /// commas; the first update that reaches a number counts.
     #[arg(long, value_name = "N,…", value_delimiter = ',')]
     milestones: Vec<u64>,
 }
@@ -86,7 +90,8 @@ pub(crate) fn run(args: &TrainArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Files kept of a run beside the checkpoints that its configuration asks for. None of it changes the curve.
+/// Files kept of a run beside the checkpoints that its configuration asks for. None of it changes
+/// the curve.
 #[derive(Clone, Debug)]
 pub(crate) struct Care {
     /// Time after which a checkpoint is written between two of the configuration's.
@@ -158,7 +163,8 @@ impl Trained {
     }
 }
 
-/// Trains the configuration's updates into `folder`, or as many as are missing when `resume` is set.
+/// Trains the configuration's updates into `folder`, or as many as are missing when `resume` is
+/// set.
 ///
 /// # Errors
 /// When the folder holds another run, or this one and `resume` is not set; when it cannot be
@@ -199,7 +205,8 @@ pub(crate) fn train(
         save(&run, &mut trainer, config)?;
     } else if found <= config.updates {
         keep_policies(&run, found, config, care)?;
-        // A kill between a checkpoint and what follows it leaves an old `latest` and a checkpoint too many.
+        // A kill between a checkpoint and what follows it leaves an old `latest` and a checkpoint
+        // too many.
         settle(&run, found, config)?;
         if found > 0 && found < config.updates {
             output::note(&format!("{name}: resumed at update {found}"));
@@ -230,7 +237,8 @@ pub(crate) fn train(
         if is_planned(done, config) || milestone || due {
             log.sync()?;
             trainer.save(&run.checkpoint(done))?;
-            // Before the checkpoint counts: a run that goes on from a later one has every policy before it.
+            // Before the checkpoint counts: a run that goes on from a later one has every policy
+            // before it.
             keep_policies(&run, done, config, care)?;
             settle(&run, done, config)?;
             saved = Instant::now();
@@ -317,7 +325,8 @@ fn save(run: &RunFolder, trainer: &mut Trainer, config: &Config) -> Result<()> {
     settle(run, update, config)
 }
 
-/// Keeps the policies of the milestones that `update` reaches, out of the checkpoint that was written there.
+/// Keeps the policies of the milestones that `update` reaches, out of the checkpoint that was
+/// written there.
 fn keep_policies(run: &RunFolder, update: u64, config: &Config, care: &Care) -> Result<()> {
     for (transitions, _) in care.updates(config).filter(|(_, at)| *at == update) {
         let path = run.milestone(transitions);
@@ -332,8 +341,8 @@ fn keep_policies(run: &RunFolder, update: u64, config: &Config, care: &Care) -> 
 
 /// Names the checkpoint after `update` updates as the newest and drops older ones.
 ///
-/// Kept are the run's parts and the newest checkpoints; while it runs the newest of those that the clock asked for, too. A
-/// finished run holds the same files whatever the clock said.
+/// Kept are the run's parts and the newest checkpoints; while it runs the newest of those that the
+/// clock asked for, too. A finished run holds the same files whatever the clock said.
 fn settle(run: &RunFolder, update: u64, config: &Config) -> Result<()> {
     run.set_latest(update)?;
     let all = run.checkpoints()?;

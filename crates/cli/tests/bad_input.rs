@@ -1,4 +1,5 @@
-//! Bad input is refused with exactly one clear line and a non-zero exit, and nothing is overwritten.
+//! Bad input is refused with exactly one clear line and a non-zero exit, and nothing is
+//! overwritten.
 
 mod common;
 

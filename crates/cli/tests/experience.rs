@@ -1,4 +1,5 @@
-//! Pages, pictures and lists that a person looks at. Each must hold the data that it claims to show.
+//! Pages, pictures and lists that a person looks at. Each must hold the data that it claims to
+//! show.
 
 mod common;
 
@@ -262,7 +263,8 @@ fn each_behaviour_of_a_run_has_its_line() {
         assert_eq!(row[1], token.to_string());
         let speed: f64 = row[6].parse().unwrap();
         assert!((0.0..=1.0).contains(&speed), "{printed}");
-        // The intrinsic reward is what the two discriminators differ by, to the digits that are shown.
+        // The intrinsic reward is what the two discriminators differ by, to the digits that are
+        // shown.
         let [intrinsic, sa, s] = [9, 10, 11].map(|at| row[at].parse::<f64>().unwrap());
         assert!((intrinsic - (sa - s)).abs() < 0.011 + 0.001, "{printed}");
     }

@@ -1,5 +1,5 @@
-//! A disk that is full, a folder that cannot be written, a checkpoint that is gone, a second process: one clear line each
-//! time, and what was good before stays good.
+//! A disk that is full, a folder that cannot be written, a checkpoint that is gone, a second
+//! process: one clear line each time, and what was good before stays good.
 
 mod common;
 
@@ -12,7 +12,8 @@ use std::time::{Duration, Instant};
 use common::tiny::{config, finished_run, train};
 use common::{accepted, refused, text};
 
-/// Runs the command where no file may grow beyond `kib` KiB, as on a disk that is full: writes fail, no signal is sent.
+/// Runs the command where no file may grow beyond `kib` KiB, as on a disk that is full: writes
+/// fail, no signal is sent.
 fn on_a_full_disk(kib: u32, arguments: &[&str]) -> Output {
     let script = format!("trap '' XFSZ; ulimit -f {}; exec \"$0\" \"$@\"", kib * 2);
     Command::new("sh").args(["-c", &script, env!("CARGO_BIN_EXE_jostle")]).args(arguments).output().unwrap()

@@ -1,4 +1,5 @@
-//! Maps as a user meets them: paths from the file that names them, content as a part of the identity, foreign keys.
+//! Maps as a user meets them: paths from the file that names them, content as a part of the
+//! identity, foreign keys.
 
 mod common;
 
@@ -31,7 +32,8 @@ fn refused_in(folder: &Path, arguments: &[&str], part: &str) {
     assert!(!output.status.success() && error.contains(part) && error.lines().count() == 1, "{error}");
 }
 
-/// A folder with `project/configs/a.toml`, the map that it names by a relative path, and a folder beside.
+/// A folder with `project/configs/a.toml`, the map that it names by a relative path, and a folder
+/// beside.
 fn project() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     for path in ["project/configs", "project/maps", "elsewhere"] {

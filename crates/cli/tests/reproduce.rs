@@ -1,4 +1,5 @@
-//! From training runs to shipped policies, tables, verdicts and figures, with policies that a test can afford.
+//! From training runs to shipped policies, tables, verdicts and figures, with policies that a test
+//! can afford.
 
 mod common;
 
@@ -186,7 +187,8 @@ fn tables_are_the_same_from_stored_and_from_fresh_cells() {
     }
     let results = shipped.folder.join("results");
     let csv = fs::read_to_string(results.join("table1.csv")).unwrap();
-    // Two trained rows: seven columns with two seeds and their pool; four rows without; five planners.
+    // Two trained rows: seven columns with two seeds and their pool; four rows without; five
+    // planners.
     assert_eq!(csv.lines().count(), 1 + 2 * 7 * 3 + 4 * 7 + 5 * 7);
     for extension in ["md", "tex", "json"] {
         assert!(fs::metadata(results.join(format!("table1.{extension}"))).unwrap().len() > 500);

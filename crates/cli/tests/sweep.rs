@@ -1,4 +1,5 @@
-//! A sweep: what it makes, that it goes on where it stopped, and that a killed one ends with the same bytes.
+//! A sweep: what it makes, that it goes on where it stopped, and that a killed one ends with the
+//! same bytes.
 
 mod common;
 
@@ -116,7 +117,8 @@ fn a_sweep_trains_tests_and_collects_and_a_second_call_does_nothing() {
 fn unfinished_runs_are_tested_and_compared_where_all_have_come() {
     let folder = tempfile::tempdir().unwrap();
     let tests = "[evaluate]\ncrowds = [\"VO\"]\nepisodes = 2\nagents = 3\nmilestones = true\n";
-    // One variant is trained to its end, the other to the milestone of 64 transitions; an update is 32.
+    // One variant is trained to its end, the other to the milestone of 64 transitions; an update is
+    // 32.
     let short = plan(folder.path(), "milestones = [64]\nupdates = 3", "");
     accepted(&["sweep", "task", text(&short), "m1-seed1"]);
     refused(&["sweep", "task", text(&short), "m1-seed1", "--only-tests"], &["no [evaluate]"]);

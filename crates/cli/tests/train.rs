@@ -1,4 +1,5 @@
-//! A run folder: what it holds, and that a resumed run ends with the bytes of one that was not interrupted.
+//! A run folder: what it holds, and that a resumed run ends with the bytes of one that was not
+//! interrupted.
 
 mod common;
 

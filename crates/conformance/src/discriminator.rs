@@ -30,7 +30,8 @@ pub(crate) fn check(tensors: &Tensors, backend: Backend, verdict: &mut Verdict) 
     Ok(())
 }
 
-/// Checks the network `q` on its input rows; gives log q of each row, or `None` where the fixture does not hold it.
+/// Checks the network `q` on its input rows; gives log q of each row, or `None` where the fixture
+/// does not hold it.
 fn check_one(
     tensors: &Tensors,
     q: &str,

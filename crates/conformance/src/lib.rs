@@ -1,8 +1,9 @@
 //! `cargo xtask conformance DIR`: our code against fixtures made by independent software.
 //!
-//! The formats are those that `docs/conformance.md` describes. A file is known by its content. Each gets one line: PASS
-//! or FAIL, the error that came nearest to its tolerance, and how many numbers were compared. A file that cannot be read,
-//! one of no known kind, half-planes without their run, a checksum that does not match and an empty folder all fail.
+//! The formats are those that `docs/conformance.md` describes. A file is known by its content. Each
+//! gets one line: PASS or FAIL, the error that came nearest to its tolerance, and how many numbers
+//! were compared. A file that cannot be read, one of no known kind, half-planes without their run,
+//! a checksum that does not match and an empty folder all fail.
 
 #![forbid(unsafe_code)]
 

@@ -1,4 +1,5 @@
-//! One full batch through the losses: log-probabilities, ratios, gradients, and three steps of Adam.
+//! One full batch through the losses: log-probabilities, ratios, gradients, and three steps of
+//! Adam.
 
 use std::path::Path;
 
@@ -58,7 +59,8 @@ pub(crate) fn check(tensors: &Tensors, path: &Path, backend: Backend, verdict: &
     fixture.check_critic(networks.critic(backend)?.as_mut(), verdict)
 }
 
-/// The forward fixture with the starting parameters: named in the metadata, else `forward_m<M>.safetensors`.
+/// The forward fixture with the starting parameters: named in the metadata, else
+/// `forward_m<M>.safetensors`.
 fn parameter_file(tensors: &Tensors, path: &Path) -> Result<std::path::PathBuf> {
     let name = match (tensors.metadata.get("parameters"), tensors.metadata.get("tokens")) {
         (Some(name), _) => name.clone(),
@@ -206,8 +208,8 @@ fn check_digest(key: &str, values: &[f32], expected: f64, verdict: &mut Verdict)
     }
 }
 
-/// Parameters after the steps: 1e-5 for each entry, 1e-6 for 99.9 % of a tensor (where a gradient is near Adam's ε, the
-/// step is ill-conditioned).
+/// Parameters after the steps: 1e-5 for each entry, 1e-6 for 99.9 % of a tensor (where a gradient
+/// is near Adam's ε, the step is ill-conditioned).
 fn after_close(actual: &[f32], expected: &[f32], name: &str, verdict: &mut Verdict) {
     verdict.all_close(wide(actual), wide(expected), (1e-5, 0.0), name);
     let far = wide(actual).zip(wide(expected)).filter(|(a, e)| (a - e).abs() > 1e-6).count();

@@ -1,9 +1,10 @@
 //! Reads a network's inner features from outside.
 //!
-//! A critic's output is `value.weight · hidden + value.bias`; with a unit vector for the weight and no bias it *is* one
-//! entry of the hidden feature. In the same way rows of the last hidden layer that are unit vectors hand a laser feature
-//! through, which is not negative, so the ReLU between leaves it alone. Actor and critic have trunks of the same shape:
-//! the actor's trunk is read through a critic's head.
+//! A critic's output is `value.weight · hidden + value.bias`; with a unit vector for the weight and
+//! no bias it *is* one entry of the hidden feature. In the same way rows of the last hidden layer
+//! that are unit vectors hand a laser feature through, which is not negative, so the ReLU between
+//! leaves it alone. Actor and critic have trunks of the same shape: the actor's trunk is read
+//! through a critic's head.
 
 use anyhow::{Context as _, Result};
 use jostle_policy::{Backend, Batch, Layout, Network, NetworkConfig, Parameters, critic};

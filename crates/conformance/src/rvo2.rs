@@ -1,4 +1,5 @@
-//! ORCA against recorded runs of RVO2: each step from the recorded state, whole runs, and the half-planes.
+//! ORCA against recorded runs of RVO2: each step from the recorded state, whole runs, and the
+//! half-planes.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -14,9 +15,11 @@ use super::verdict::Verdict;
 const ONE_STEP: f64 = 1e-5;
 /// A whole run from the recorded start.
 const CLOSED_LOOP: f64 = 1e-3;
-/// Steps after which a crowd with random perturbations is chaotic: rounding alone moves it by more than 1 mm from step 224.
+/// Steps after which a crowd with random perturbations is chaotic: rounding alone moves it by more
+/// than 1 mm from step 224.
 const CHAOTIC_AFTER: usize = 100;
-/// Positions are stored in f32; far from the origin their spacing exceeds the tolerance of one step.
+/// Positions are stored in f32; far from the origin their spacing exceeds the tolerance of one
+/// step.
 const F32_SPACING: f64 = 1.2e-7;
 
 /// Checks `NAME.csv`.
@@ -68,7 +71,8 @@ fn simulator(recording: &Recording) -> Result<OrcaSimulator> {
 
 /// Positions and velocities of `from`, preferred velocities of the step that leads to `to`.
 ///
-/// One simulator serves all steps: the order of its k-d tree, which decides ties, then lives on as in RVO2.
+/// One simulator serves all steps: the order of its k-d tree, which decides ties, then lives on as
+/// in RVO2.
 fn load(simulator: &mut OrcaSimulator, from: &[State], to: &[State]) -> Result<()> {
     for (agent, (before, after)) in from.iter().zip(to).enumerate() {
         simulator.set_state(agent, before.position.into(), before.velocity.into())?;
@@ -115,7 +119,8 @@ fn check_closed_loop(recording: &Recording, verdict: &mut Verdict) -> Result<()>
     Ok(())
 }
 
-/// RVO2's examples: straight to the goal, at most at speed 1. RVO2 divides a vector by multiplying with the reciprocal.
+/// RVO2's examples: straight to the goal, at most at speed 1. RVO2 divides a vector by multiplying
+/// with the reciprocal.
 fn towards(goal: Vec2, position: Vec2) -> Vec2 {
     let way = goal - position;
     if way.length_squared() > 1.0 { way * (1.0 / way.length()) } else { way }

@@ -104,7 +104,8 @@ impl Head {
     }
 }
 
-/// The text behind `word` and a number with a colon; descriptions that merely begin with the word are none of ours.
+/// The text behind `word` and a number with a colon; descriptions that merely begin with the word
+/// are none of ours.
 fn numbered<'a>(comment: &'a str, word: &str) -> Option<&'a str> {
     let (number, rest) = comment.strip_prefix(word)?.split_once(':')?;
     number.parse::<usize>().ok().map(|_| rest)
@@ -155,8 +156,8 @@ fn row(line: &str, n_agents: usize, states: &mut Vec<Vec<State>>) -> Result<()> 
 
 /// Reads the half-planes of a run with `n_steps` steps and `n_agents` agents: `[step − 1][agent]`.
 ///
-/// A file of the first steps only says how many they are in a comment, `steps=12`; any other has all of the run's. An agent
-/// without lines in a step has no row. Values may be `nan` or `-nan`.
+/// A file of the first steps only says how many they are in a comment, `steps=12`; any other has
+/// all of the run's. An agent without lines in a step has no row. Values may be `nan` or `-nan`.
 pub(crate) fn read_lines(path: &Path, n_steps: usize, n_agents: usize) -> Result<Vec<Vec<Lines>>> {
     parse_lines(&std::fs::read_to_string(path).context("cannot be read")?, n_steps, n_agents)
 }

@@ -93,7 +93,8 @@ struct Trajectory {
 }
 
 impl Parameters {
-    /// Our model with the file's parameters, in the variant that makes the file's choices under this name.
+    /// Our model with the file's parameters, in the variant that makes the file's choices under
+    /// this name.
     fn model(&self, name: &str) -> Result<SocialForce> {
         let choice =
             self.variants.get(name).with_context(|| format!("variant {name} is not among the parameters"))?;

@@ -1,11 +1,12 @@
-//! The diversity metric D of a policy with two behaviours, by hand: `cargo run -p jostle-diversity --example
-//! d_of_two_gaussians`.
+//! The diversity metric D of a policy with two behaviours, by hand: `cargo run -p jostle-diversity
+//! --example d_of_two_gaussians`.
 
 use jostle_diversity::BehaviourActions;
 use jostle_diversity::covariance::FullGaussian;
 
 fn main() -> Result<(), jostle_diversity::DiversityError> {
-    // One state; behaviour 0 drives straight at 0.8 m/s, behaviour 1 slowly to the left. σ = 0.5 for v and for ω.
+    // One state; behaviour 0 drives straight at 0.8 m/s, behaviour 1 slowly to the left. σ = 0.5
+    // for v and for ω.
     let means = [0.8, 0.0, 0.3, 0.6];
     let log_stds = [0.5_f64.ln(); 4];
     let actions = BehaviourActions::new(&means, &log_stds, 2, 2)?;

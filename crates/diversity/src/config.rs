@@ -4,7 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::DiversityError;
 
-/// Gaussian noise on a discriminator's inputs while it is trained (never when a reward is computed).
+/// Gaussian noise on a discriminator's inputs while it is trained (never when a reward is
+/// computed).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
@@ -35,25 +36,27 @@ pub enum ActionInput {
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct DiscriminatorConfig {
-    /// Units of each of the two hidden layers; ≥ 1. Default 128 (the paper: "two-layer feed-forward network with 128
-    /// hidden units").
+    /// Units of each of the two hidden layers; ≥ 1. Default 128 (the paper: "two-layer feed-forward
+    /// network with 128 hidden units").
     #[cfg_attr(feature = "schema", schemars(extend("minimum" = 1, "maximum" = 65536, "origin" = "the paper: \"two-layer feed-forward network with 128 hidden units\"")))]
     pub hidden: usize,
     /// Adam's step size; > 0. Default 5e-5 (the paper's table of hyper-parameters).
     #[cfg_attr(feature = "schema", schemars(extend("exclusiveMinimum" = 0.0, "origin" = "the paper's table of hyper-parameters")))]
     pub learning_rate: f64,
-    /// Kind of input noise while training. Default `feature_std` ("one standard deviation of Gaussian noise").
+    /// Kind of input noise while training. Default `feature_std` ("one standard deviation of
+    /// Gaussian noise").
     #[cfg_attr(feature = "schema", schemars(extend("origin" = "\"one standard deviation of Gaussian noise\"")))]
     pub noise: InputNoise,
-    /// Multiple of each feature's standard deviation (`feature_std`), or the standard deviation itself (`absolute`);
-    /// ≥ 0. Default 1.
+    /// Multiple of each feature's standard deviation (`feature_std`), or the standard deviation
+    /// itself (`absolute`); ≥ 0. Default 1.
     #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0)))]
     pub noise_scale: f64,
     /// Noise on the two action inputs of q(z | s, a), too. Default true.
     pub noise_on_action: bool,
     /// Form of the action that is shown to q(z | s, a). Default `executed`.
     pub action: ActionInput,
-    /// Factor on the two action inputs of q(z | s, a), which stand against 1,540 others; > 0. Default 1.
+    /// Factor on the two action inputs of q(z | s, a), which stand against 1,540 others; > 0.
+    /// Default 1.
     #[cfg_attr(feature = "schema", schemars(extend("exclusiveMinimum" = 0.0)))]
     pub action_scale: f64,
 }

@@ -1,7 +1,7 @@
 //! KL divergence between Gaussians with full covariance, through faer's Cholesky factors.
 //!
-//! Used where actions of a behaviour are described by their sample covariance (v and ω correlate along a path) instead
-//! of the policy's diagonal head.
+//! Used where actions of a behaviour are described by their sample covariance (v and ω correlate
+//! along a path) instead of the policy's diagonal head.
 
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::{Mat, Par, Side};
@@ -42,8 +42,8 @@ impl FullGaussian {
     ///
     /// # Errors
     ///
-    /// [`DiversityError::Shape`] for fewer than two whole rows; [`DiversityError::NotPositiveDefinite`] when the rows
-    /// lie in a hyperplane.
+    /// [`DiversityError::Shape`] for fewer than two whole rows;
+    /// [`DiversityError::NotPositiveDefinite`] when the rows lie in a hyperplane.
     pub fn fit(rows: &[f64], n_dims: usize) -> Result<Self, DiversityError> {
         let n = rows.len() / n_dims.max(1);
         if n < 2 || n_dims == 0 || rows.len() != n * n_dims {
@@ -85,7 +85,8 @@ impl FullGaussian {
         if other.n_dims() != d {
             return Err(DiversityError::Shape { name: "other", expected: d, found: other.n_dims() });
         }
-        // One triangular solve for both terms: the columns of L_p, then the difference of the means.
+        // One triangular solve for both terms: the columns of L_p, then the difference of the
+        // means.
         let mut columns = Mat::from_fn(d, d + 1, |i, j| {
             if j < d { if j <= i { self.factor[(i, j)] } else { 0.0 } } else { other.mean[i] - self.mean[i] }
         });
@@ -114,7 +115,8 @@ mod tests {
 
     #[test]
     fn divergence_survives_a_change_of_coordinates() {
-        // y = A x with A = [[2, 1], [0, 3]]: KL is invariant; Σ' = A Σ Aᵀ worked out by hand for Σ = diag(1, 4) and I.
+        // y = A x with A = [[2, 1], [0, 3]]: KL is invariant; Σ' = A Σ Aᵀ worked out by hand for Σ
+        // = diag(1, 4) and I.
         let p = FullGaussian::new(&[1.0, 0.0], &[1.0, 0.0, 0.0, 4.0]).unwrap();
         let q = FullGaussian::new(&[0.0, 0.0], &[1.0, 0.0, 0.0, 1.0]).unwrap();
         let p_turned = FullGaussian::new(&[2.0, 0.0], &[8.0, 12.0, 12.0, 36.0]).unwrap();

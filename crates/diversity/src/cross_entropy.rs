@@ -1,13 +1,16 @@
-//! Cross-entropy over behaviours: loss, gradient and accuracy from logits (Algorithm 1, lines 23–24).
+//! Cross-entropy over behaviours: loss, gradient and accuracy from logits (Algorithm 1, lines
+//! 23–24).
 //!
-//! Logits are f32, sums are f64 and run in row order, so that the result does not depend on any thread.
+//! Logits are f32, sums are f64 and run in row order, so that the result does not depend on any
+//! thread.
 
 /// Mean loss and accuracy of a batch of predictions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CrossEntropy {
     /// −mean log q(z), in nats; ln M for a discriminator that knows nothing.
     pub loss: f64,
-    /// Share of rows whose largest logit (the first of equals) is the true behaviour's; 1/M for one that knows nothing.
+    /// Share of rows whose largest logit (the first of equals) is the true behaviour's; 1/M for one
+    /// that knows nothing.
     pub accuracy: f64,
 }
 

@@ -1,18 +1,20 @@
 //! KL divergence between diagonal Gaussians and the diversity metric D, in closed form and f64.
 //!
-//! The paper measures action diversity as the mean Kullback–Leibler divergence between the action distributions of
-//! pairs of behaviours, over the states of a trajectory (section "Intrinsic Rewards", the metric of Table 3).
+//! The paper measures action diversity as the mean Kullback–Leibler divergence between the action
+//! distributions of pairs of behaviours, over the states of a trajectory (section "Intrinsic
+//! Rewards", the metric of Table 3).
 
 use crate::DiversityError;
 
-/// KL(p ‖ q) of two one-dimensional Gaussians, given their means and log standard deviations, in nats.
+/// KL(p ‖ q) of two one-dimensional Gaussians, given their means and log standard deviations, in
+/// nats.
 ///
 /// Never negative, and exactly 0 for identical arguments.
 ///
 /// # Formula
 ///
-/// With `r = ln σ_p − ln σ_q`: `(e^{2r} − 1 − 2r)/2 + (μ_p − μ_q)²/(2σ_q²)`. Written with `expm1`, so that nearly equal
-/// spreads do not cancel.
+/// With `r = ln σ_p − ln σ_q`: `(e^{2r} − 1 − 2r)/2 + (μ_p − μ_q)²/(2σ_q²)`. Written with `expm1`,
+/// so that nearly equal spreads do not cancel.
 pub fn kl_normal(mean_p: f64, log_std_p: f64, mean_q: f64, log_std_q: f64) -> f64 {
     let log_ratio = log_std_p - log_std_q;
     let spread = (2.0 * log_ratio).exp_m1() - 2.0 * log_ratio;
@@ -35,11 +37,13 @@ pub struct BehaviourActions<'a> {
 }
 
 impl<'a> BehaviourActions<'a> {
-    /// Views `mean` and `log_std` as [states, `n_behaviours`, `n_dims`]; the number of states follows from the length.
+    /// Views `mean` and `log_std` as [states, `n_behaviours`, `n_dims`]; the number of states
+    /// follows from the length.
     ///
     /// # Errors
     ///
-    /// [`DiversityError::Shape`] when a length is not a positive multiple of `n_behaviours · n_dims`, or the two differ.
+    /// [`DiversityError::Shape`] when a length is not a positive multiple of `n_behaviours ·
+    /// n_dims`, or the two differ.
     pub fn new(
         mean: &'a [f64],
         log_std: &'a [f64],

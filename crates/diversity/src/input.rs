@@ -1,8 +1,9 @@
-//! The inputs of a discriminator: observation rows, with the action behind them for q(z | s, a), and training noise.
+//! The inputs of a discriminator: observation rows, with the action behind them for q(z | s, a),
+//! and training noise.
 //!
-//! The paper: "Adding one standard deviation of Gaussian noise to discriminator inputs helps prevent overfitting"
-//! (section "Training Procedure"). One standard deviation of *what* is left open; here it is each feature's own over
-//! the rollout, with the other readings in [`InputNoise`].
+//! The paper: "Adding one standard deviation of Gaussian noise to discriminator inputs helps
+//! prevent overfitting" (section "Training Procedure"). One standard deviation of *what* is left
+//! open; here it is each feature's own over the rollout, with the other readings in [`InputNoise`].
 
 use rand::Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -43,10 +44,11 @@ pub struct NoiseLevels {
 }
 
 impl NoiseLevels {
-    /// The levels that `config` asks for on `rows` `[B, width]`, the whole rollout; `None` when noise is off.
+    /// The levels that `config` asks for on `rows` `[B, width]`, the whole rollout; `None` when
+    /// noise is off.
     ///
-    /// The last `n_action` features are the action; with `noise_on_action = false` they stay clean. A feature that is
-    /// constant over the rollout receives none under [`InputNoise::FeatureStd`].
+    /// The last `n_action` features are the action; with `noise_on_action = false` they stay clean.
+    /// A feature that is constant over the rollout receives none under [`InputNoise::FeatureStd`].
     ///
     /// # Panics
     ///
@@ -64,7 +66,8 @@ impl NoiseLevels {
         Some(Self { sigma })
     }
 
-    /// Writes `row` plus fresh noise to `noised`. One normal number is drawn for each feature, also where it is unused.
+    /// Writes `row` plus fresh noise to `noised`. One normal number is drawn for each feature, also
+    /// where it is unused.
     pub fn add(&self, row: &[f32], noised: &mut [f32], rng: &mut impl Rng) {
         for ((noised, &clean), &sigma) in noised.iter_mut().zip(row).zip(&self.sigma) {
             let normal: f32 = StandardNormal.sample(rng);

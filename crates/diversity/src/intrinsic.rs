@@ -1,7 +1,7 @@
 //! The intrinsic rewards that are compared in the paper's Table 3.
 //!
-//! `Difference` is the paper's (its Eq. 2): it asks for actions that tell the behaviour *beyond* what the visited
-//! observation tells. The other three are its ablations.
+//! `Difference` is the paper's (its Eq. 2): it asks for actions that tell the behaviour *beyond*
+//! what the visited observation tells. The other three are its ablations.
 
 use serde::{Deserialize, Serialize};
 
@@ -22,10 +22,12 @@ pub enum IntrinsicReward {
 }
 
 impl IntrinsicReward {
-    /// The reward of one step, from the two discriminators' log-probabilities of the true behaviour.
+    /// The reward of one step, from the two discriminators' log-probabilities of the true
+    /// behaviour.
     ///
-    /// With `add_log_m`, log M = −log p(z) of the uniform prior is added to `StateAction` and `State` (as DIAYN does),
-    /// so that a discriminator that knows nothing gives 0. In `Difference` the priors cancel, and `None` stays 0.
+    /// With `add_log_m`, log M = −log p(z) of the uniform prior is added to `StateAction` and
+    /// `State` (as DIAYN does), so that a discriminator that knows nothing gives 0. In `Difference`
+    /// the priors cancel, and `None` stays 0.
     pub fn value(
         self,
         log_q_state_action: f64,

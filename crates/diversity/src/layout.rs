@@ -1,8 +1,8 @@
-//! Shape and initialisation of a discriminator: input → hidden, `ReLU` → hidden, `ReLU` → M logits; and the one place
-//! that chooses what computes it.
+//! Shape and initialisation of a discriminator: input → hidden, `ReLU` → hidden, `ReLU` → M logits;
+//! and the one place that chooses what computes it.
 //!
-//! Names and shapes are PyTorch's (`fc1.weight` [hidden, input] …); the fill is PyTorch's default for linear layers,
-//! uniform in ±1/√`fan_in`.
+//! Names and shapes are PyTorch's (`fc1.weight` [hidden, input] …); the fill is PyTorch's default
+//! for linear layers, uniform in ±1/√`fan_in`.
 
 use jostle_policy::fast;
 use jostle_policy::reference::{CandleNetwork, default_device};
@@ -42,12 +42,13 @@ impl DiscriminatorShape {
     }
 }
 
-/// A discriminator as a [`Network`]: rows [B, `n_inputs`] to logits `[B, M]`. The tokens of a batch are not read.
+/// A discriminator as a [`Network`]: rows [B, `n_inputs`] to logits `[B, M]`. The tokens of a batch
+/// are not read.
 ///
 /// # Errors
 ///
-/// [`DiversityError::Network`] when the parameters are not of this shape, candle's device is not there, or `hidden` is no
-/// multiple of 32 on the fast back end.
+/// [`DiversityError::Network`] when the parameters are not of this shape, candle's device is not
+/// there, or `hidden` is no multiple of 32 on the fast back end.
 pub fn discriminator(
     shape: DiscriminatorShape,
     backend: Backend,

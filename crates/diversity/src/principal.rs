@@ -1,7 +1,7 @@
 //! Principal components of behaviours: how many directions the M behaviours really differ in.
 //!
-//! A behaviour is a row (for example its mean actions over a list of states); the components are the right singular
-//! vectors of the centred rows, from faer's thin SVD.
+//! A behaviour is a row (for example its mean actions over a list of states); the components are
+//! the right singular vectors of the centred rows, from faer's thin SVD.
 
 use faer::Mat;
 
@@ -19,13 +19,13 @@ pub struct PrincipalComponents {
 impl PrincipalComponents {
     /// Fits `rows`, row-major [n, `n_features`]; k = min(n, `n_features`) components.
     ///
-    /// A component's sign is chosen so that its entry of largest magnitude is positive: the result does not depend on
-    /// the solver's (but for entries that tie to the last bit).
+    /// A component's sign is chosen so that its entry of largest magnitude is positive: the result
+    /// does not depend on the solver's (but for entries that tie to the last bit).
     ///
     /// # Errors
     ///
-    /// [`DiversityError::Shape`] for fewer than two whole rows; [`DiversityError::Decomposition`] for input that is not
-    /// finite.
+    /// [`DiversityError::Shape`] for fewer than two whole rows; [`DiversityError::Decomposition`]
+    /// for input that is not finite.
     pub fn fit(rows: &[f64], n_features: usize) -> Result<Self, DiversityError> {
         let n = rows.len() / n_features.max(1);
         if n < 2 || n_features == 0 || rows.len() != n * n_features {
@@ -94,7 +94,8 @@ mod tests {
 
     #[test]
     fn points_on_a_line_have_one_component() {
-        // (2t, 3t, −6t) for t = −1, 0, 1, 2 around (5, 0, 1): direction ∓(2, 3, −6)/7, variance 49·var(t) = 49·5/3.
+        // (2t, 3t, −6t) for t = −1, 0, 1, 2 around (5, 0, 1): direction ∓(2, 3, −6)/7, variance
+        // 49·var(t) = 49·5/3.
         let rows: Vec<f64> =
             [-1.0, 0.0, 1.0, 2.0].iter().flat_map(|t| [5.0 + 2.0 * t, 3.0 * t, 1.0 - 6.0 * t]).collect();
         let pca = PrincipalComponents::fit(&rows, 3).unwrap();
@@ -103,7 +104,8 @@ mod tests {
         assert!((pca.explained()[0] - 1.0).abs() < 1e-12);
         let expected = [-2.0 / 7.0, -3.0 / 7.0, 6.0 / 7.0];
         assert!(pca.component(0).iter().zip(expected).all(|(c, e)| (c - e).abs() < 1e-12));
-        // The mean is t = 0.5; t = 2 lies 1.5 steps of length 7 from it, against the component's direction.
+        // The mean is t = 0.5; t = 2 lies 1.5 steps of length 7 from it, against the component's
+        // direction.
         assert!((pca.project(&rows[9..])[0] + 10.5).abs() < 1e-12);
     }
 

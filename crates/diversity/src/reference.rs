@@ -1,4 +1,5 @@
-//! The discriminator as a candle model: the definition to study, to compare with, and to run on a GPU.
+//! The discriminator as a candle model: the definition to study, to compare with, and to run on a
+//! GPU.
 //!
 //! The same in PyTorch:
 //!
@@ -15,7 +16,8 @@ use jostle_policy::reference::{Model, Weights};
 
 use crate::DiscriminatorShape;
 
-/// A discriminator as a pure function of its weights. Behaviour tokens are its answer, so it ignores those it is given.
+/// A discriminator as a pure function of its weights. Behaviour tokens are its answer, so it
+/// ignores those it is given.
 #[derive(Debug, Clone, Copy)]
 pub struct Mlp {
     shape: DiscriminatorShape,

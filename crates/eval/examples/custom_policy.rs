@@ -1,12 +1,14 @@
-//! Tests a policy of one's own among the two crowds that need no checkpoints: `cargo run --release -p jostle-eval
-//! --example custom_policy`. The policy turns towards its goal and slows down for what is near ahead.
+//! Tests a policy of one's own among the two crowds that need no checkpoints: `cargo run --release
+//! -p jostle-eval --example custom_policy`. The policy turns towards its goal and slows down for
+//! what is near ahead.
 
 use jostle_arena::{ArenaConfig, PerRow, PolicyIdentity, Pools};
 use jostle_eval::report::Evaluation;
 use jostle_eval::{EvalError, Protocol, Subject};
 use jostle_peds::CrowdKind;
 
-/// The row: three scans of 512 beams (oldest first, range/10 − ½), the goal in the robot's frame, v and ω.
+/// The row: three scans of 512 beams (oldest first, range/10 − ½), the goal in the robot's frame, v
+/// and ω.
 fn act(row: &[f32]) -> [f32; 2] {
     let (goal_x, goal_y) = (row[1536], row[1537]);
     let turn = goal_y.atan2(goal_x);

@@ -1,5 +1,6 @@
-//! Enters a robot of one's own into the leaderboard: `cargo run --release -p jostle-eval --example leaderboard_entry -- runs/board`, then
-//! `cargo xtask leaderboard --folder runs/board` makes the page. It turns towards its goal and slows down for what is near ahead.
+//! Enters a robot of one's own into the leaderboard: `cargo run --release -p jostle-eval --example
+//! leaderboard_entry -- runs/board`, then `cargo xtask leaderboard --folder runs/board` makes the
+//! page. It turns towards its goal and slows down for what is near ahead.
 
 use std::path::{Path, PathBuf};
 
@@ -11,7 +12,8 @@ use jostle_eval::suite::Suite;
 use jostle_peds::CrowdKind;
 use jostle_sim::SimConfig;
 
-/// The row: three scans of 512 beams (oldest first, range/10 − ½), the goal in the robot's frame, v and ω.
+/// The row: three scans of 512 beams (oldest first, range/10 − ½), the goal in the robot's frame, v
+/// and ω.
 fn act(row: &[f32]) -> [f32; 2] {
     let turn = row[1537].atan2(row[1536]);
     let newest = &row[1024..1536];

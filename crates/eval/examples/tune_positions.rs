@@ -1,12 +1,13 @@
-//! Settings of the planners that know positions, tried on the validation crowds: how `OrcaRobotConfig` and
-//! `SocialForceRobotConfig` got their defaults (docs/planners.md).
+//! Settings of the planners that know positions, tried on the validation crowds: how
+//! `OrcaRobotConfig` and `SocialForceRobotConfig` got their defaults (docs/planners.md).
 //!
 //! ```sh
 //! cargo run --release -p jostle-eval --example tune_positions -- 500
 //! ```
 //!
-//! It prints a line for each setting: success among the straight walkers, among the stop-and-go walkers, and their mean. The
-//! episodes are of another seed than those of the tables, and the six test crowds are not looked at.
+//! It prints a line for each setting: success among the straight walkers, among the stop-and-go
+//! walkers, and their mean. The episodes are of another seed than those of the tables, and the six
+//! test crowds are not looked at.
 
 use jostle_arena::lock_step::run_episodes;
 use jostle_arena::planners::each_room::EachRoom;

@@ -1,11 +1,12 @@
-//! Entries of a leaderboard: one robot on every scene of a suite among every crowd, small enough for a repository, with what
-//! it takes to run it again to the bit.
+//! Entries of a leaderboard: one robot on every scene of a suite among every crowd, small enough
+//! for a repository, with what it takes to run it again to the bit.
 //!
-//! Reading order: [`Board`] (scenes, crowds, episodes), [`Entrant`] (who is tested), [`Board::run`], [`BoardEntry`] (what is kept),
-//! [`BoardEntry::check`] and [`BoardEntry::difference`] (whether it is what it says).
+//! Reading order: [`Board`] (scenes, crowds, episodes), [`Entrant`] (who is tested),
+//! [`Board::run`], [`BoardEntry`] (what is kept), [`BoardEntry::check`] and
+//! [`BoardEntry::difference`] (whether it is what it says).
 //!
-//! Episodes themselves are not kept: a cell has their counts and the hash of their small form ([`crate::compact`]), so that a
-//! run again either has the same bits or is found out.
+//! Episodes themselves are not kept: a cell has their counts and the hash of their small form
+//! ([`crate::compact`]), so that a run again either has the same bits or is found out.
 
 use std::path::Path;
 
@@ -160,8 +161,8 @@ impl Board {
     ///
     /// # Errors
     ///
-    /// A world whose robot, episodes or places for starts and goals are not the usual ones, in which figures could not be compared; what
-    /// a scene refuses.
+    /// A world whose robot, episodes or places for starts and goals are not the usual ones, in
+    /// which figures could not be compared; what a scene refuses.
     pub fn protocols(&self, sim: &SimConfig) -> Result<Vec<Protocol>, EvalError> {
         let usual = SimConfig::default();
         let refuse = |field, found: String, expected: String| {
@@ -203,13 +204,13 @@ impl Board {
         Ok(keys.collect())
     }
 
-    /// Runs an entrant on every scene among every crowd. `robot` makes it for the rooms of a plan; `progress` hears scene, crowd and
-    /// episodes done, and is for display only.
+    /// Runs an entrant on every scene among every crowd. `robot` makes it for the rooms of a plan;
+    /// `progress` hears scene, crowd and episodes done, and is for display only.
     ///
     /// # Errors
     ///
-    /// A name that is no file's; as [`Self::protocols`]; what a crowd, a room or the robot refuses, before the first episode where
-    /// that can be told.
+    /// A name that is no file's; as [`Self::protocols`]; what a crowd, a room or the robot refuses,
+    /// before the first episode where that can be told.
     pub fn run(
         &self,
         entrant: &Entrant,
@@ -344,8 +345,8 @@ impl BoardEntry {
         found as f64 / all.max(1) as f64
     }
 
-    /// 95 % interval of the mean score: that of a mean of independent rates, by the normal distribution, with the variance of each from
-    /// its Wilson interval.
+    /// 95 % interval of the mean score: that of a mean of independent rates, by the normal
+    /// distribution, with the variance of each from its Wilson interval.
     pub fn mean_interval(&self) -> Interval {
         let variance = |cell: &BoardCell| {
             let ends = wilson(cell.success, cell.episodes());
@@ -383,7 +384,8 @@ impl BoardEntry {
     ///
     /// # Errors
     ///
-    /// [`EvalError::Io`] if it cannot be read, [`EvalError::Board`] if it is no entry, or one that contradicts itself ([`Self::check`]).
+    /// [`EvalError::Io`] if it cannot be read, [`EvalError::Board`] if it is no entry, or one that
+    /// contradicts itself ([`Self::check`]).
     pub fn read(path: &Path) -> Result<Self, EvalError> {
         let refuse = |problem: String| EvalError::Board { file: path.to_path_buf(), problem };
         let about = std::fs::metadata(path).map_err(EvalError::io(path, "read"))?;
@@ -440,8 +442,8 @@ impl BoardEntry {
         Ok(())
     }
 
-    /// The first way in which another run of the same entrant is not this one, said of the other; `None` where all bits are the
-    /// same.
+    /// The first way in which another run of the same entrant is not this one, said of the other;
+    /// `None` where all bits are the same.
     pub fn difference(&self, other: &Self) -> Option<String> {
         let differs = |what: &str, found: &dyn std::fmt::Display, expected: &dyn std::fmt::Display| {
             Some(format!("{what}: found {found}, expected {expected}, as stored"))

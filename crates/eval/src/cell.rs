@@ -5,13 +5,15 @@ use serde::{Deserialize, Serialize};
 
 use jostle_arena::identity::hex_sha256;
 
-/// To be raised whenever an episode's result may change for the same settings; old records are then not reused.
+/// To be raised whenever an episode's result may change for the same settings; old records are then
+/// not reused.
 pub const PROTOCOL_VERSION: u32 = 1;
 
 /// Everything that episode k of a cell depends on.
 ///
-/// The number of episodes is absent on purpose: episode k does not depend on it, so that a file of 1000 episodes also
-/// answers for 100, and one of 100 is continued to 1000. So are thread count and lock-step width.
+/// The number of episodes is absent on purpose: episode k does not depend on it, so that a file of
+/// 1000 episodes also answers for 100, and one of 100 is continued to 1000. So are thread count and
+/// lock-step width.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CellKey {
@@ -79,7 +81,8 @@ mod tests {
         assert!(key.file_name().starts_with("NH-z0-"));
     }
 
-    /// Stored cells are found by these very bytes, which came before crowds of one's own and for validation.
+    /// Stored cells are found by these very bytes, which came before crowds of one's own and for
+    /// validation.
     #[test]
     fn hashes_of_stored_cells_stay() {
         let key = |crowd| CellKey {

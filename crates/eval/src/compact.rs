@@ -6,12 +6,14 @@
 //! P 12 0.9123456 14.7723456 0.2400000 7 10 8 11 1210.7500000 0 0
 //! ```
 //!
-//! The first line says what the cell is; then one line for each episode in order: outcome (S success, W wall, P pedestrian,
-//! T timeout), steps, way travelled and straight distance from start to goal (m, rounded to 1e-7); then the values of [`Driving`] in the
-//! order of its fields: least clearance (m, `-` without pedestrians), steps with a time to collision below 1 s and below 2 s, in intimate and in
-//! personal space, mean squared jerk (m²/s⁶), stalled steps and those at the end. Lines from before there were these eight end before them. Times and extras follow
-//! from the first ([`EpisodeMetrics::from_totals`]). A table is computed from this form also when the episodes have just been
-//! run, so that a stored cell and a fresh one give the same bytes.
+//! The first line says what the cell is; then one line for each episode in order: outcome (S
+//! success, W wall, P pedestrian, T timeout), steps, way travelled and straight distance from start
+//! to goal (m, rounded to 1e-7); then the values of [`Driving`] in the order of its fields: least
+//! clearance (m, `-` without pedestrians), steps with a time to collision below 1 s and below 2 s,
+//! in intimate and in personal space, mean squared jerk (m²/s⁶), stalled steps and those at the
+//! end. Lines from before there were these eight end before them. Times and extras follow from the
+//! first ([`EpisodeMetrics::from_totals`]). A table is computed from this form also when the
+//! episodes have just been run, so that a stored cell and a fresh one give the same bytes.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -41,7 +43,8 @@ pub struct CompactEpisode {
     pub outcome: Outcome,
     /// Time, way and extras.
     pub metrics: EpisodeMetrics,
-    /// Nearness, smoothness, stalling; `None` where the cell was stored before there were these values.
+    /// Nearness, smoothness, stalling; `None` where the cell was stored before there were these
+    /// values.
     pub driving: Option<Driving>,
 }
 
@@ -128,7 +131,8 @@ impl CompactCell {
     ///
     /// # Errors
     ///
-    /// [`EvalError::Io`] if it cannot be read, [`EvalError::Record`] with the first line that is not as it should be.
+    /// [`EvalError::Io`] if it cannot be read, [`EvalError::Record`] with the first line that is
+    /// not as it should be.
     pub fn read(path: &Path) -> Result<Self, EvalError> {
         let about = std::fs::metadata(path).map_err(EvalError::io(path, "read"))?;
         let refuse = |line: usize, problem: String| EvalError::Record {

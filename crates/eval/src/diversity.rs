@@ -1,8 +1,9 @@
-//! The diversity metric D of a policy (paper, section "Intrinsic Rewards" and Table III), with its σ.
+//! The diversity metric D of a policy (paper, section "Intrinsic Rewards" and Table III), with its
+//! σ.
 //!
-//! D is measured on states of one trajectory, the same for every policy compared: that of the policy trained without
-//! intrinsic reward, in the training room. It depends on the learned σ (for a shared σ it grows with 1/σ²), so σ is
-//! reported beside it.
+//! D is measured on states of one trajectory, the same for every policy compared: that of the
+//! policy trained without intrinsic reward, in the training room. It depends on the learned σ (for
+//! a shared σ it grows with 1/σ²), so σ is reported beside it.
 
 use jostle_diversity::BehaviourActions;
 use jostle_policy::{Backend, Batch, actor};
@@ -28,8 +29,9 @@ pub struct Diversity {
     pub n_states: usize,
 }
 
-/// The observations of agent 0 over a number of steps in one training room whose `n_agents` all follow the policy's mean
-/// with token 0. Episodes follow one another; steps are counted across them.
+/// The observations of agent 0 over a number of steps in one training room whose `n_agents` all
+/// follow the policy's mean with token 0. Episodes follow one another; steps are counted across
+/// them.
 ///
 /// # Shapes
 ///

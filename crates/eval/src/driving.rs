@@ -1,12 +1,13 @@
 //! Driving over many episodes: means, shares and tails. Not of the paper.
 //!
-//! [`DrivingSummary`] sums up what `jostle_arena::driving` measures, and what follows from times and distances only. Everything is
-//! f64; `docs/metrics.md` has the formulas with their reasons.
+//! [`DrivingSummary`] sums up what `jostle_arena::driving` measures, and what follows from times
+//! and distances only. Everything is f64; `docs/metrics.md` has the formulas with their reasons.
 //!
 //! # References
 //!
-//! A. Francis et al., "Principles and Guidelines for Evaluating Social Robot Navigation Algorithms", 2023, arXiv:2306.16740, names
-//! these measures. P. Anderson et al., "On Evaluation of Embodied Navigation Agents", 2018, arXiv:1807.06757 (SPL).
+//! A. Francis et al., "Principles and Guidelines for Evaluating Social Robot Navigation
+//! Algorithms", 2023, arXiv:2306.16740, names these measures. P. Anderson et al., "On Evaluation of
+//! Embodied Navigation Agents", 2018, arXiv:1807.06757 (SPL).
 
 use jostle_arena::Outcome;
 use jostle_arena::driving::Driving;
@@ -15,7 +16,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::report::suite::cvar;
 
-/// An episode that runs out of time is a deadlock if the robot has stood for so long at its end (s).
+/// An episode that runs out of time is a deadlock if the robot has stood for so long at its end
+/// (s).
 pub const DEADLOCK_TIME: f64 = 5.0;
 /// Share of the episodes in the tail of the least clearances.
 pub const TAIL: f64 = 0.05;
@@ -59,12 +61,14 @@ pub struct Driven<'a> {
 }
 
 impl DrivingSummary {
-    /// Summary of episodes. Where one has no [`Driving`], only what follows from times and ways is there.
+    /// Summary of episodes. Where one has no [`Driving`], only what follows from times and ways is
+    /// there.
     ///
     /// # Formula
     ///
-    /// With ℓ = d₀ − `r_goal`: SPL = mean(success · ℓ/max(ℓ, L)), path efficiency = mean(ℓ/max(ℓ, L)), time efficiency =
-    /// mean(min(1, ℓ/(`v_max`·T))), the last two over the successes. An episode that is at its goal from the start counts 1.
+    /// With ℓ = d₀ − `r_goal`: SPL = mean(success · ℓ/max(ℓ, L)), path efficiency = mean(ℓ/max(ℓ,
+    /// L)), time efficiency = mean(min(1, ℓ/(`v_max`·T))), the last two over the successes. An
+    /// episode that is at its goal from the start counts 1.
     pub fn new<'a>(scale: &MetricScale, episodes: impl IntoIterator<Item = Driven<'a>>) -> Self {
         let (mut spl, mut path, mut time) = (Vec::new(), Vec::new(), Vec::new());
         let mut driven = Some(Vec::new());
@@ -112,7 +116,8 @@ impl DrivingSummary {
 }
 
 impl DrivingSummary {
-    /// Name (as in CSV files), head (as in tables, with its unit) and value of every measure, in the order of the fields.
+    /// Name (as in CSV files), head (as in tables, with its unit) and value of every measure, in
+    /// the order of the fields.
     pub fn columns(&self) -> [(&'static str, &'static str, Option<f64>); 12] {
         [
             ("spl", "SPL", self.spl),
@@ -130,7 +135,8 @@ impl DrivingSummary {
         ]
     }
 
-    /// The largest value that each of [`Self::columns`] can have: 1 of a share. The least of all is 0.
+    /// The largest value that each of [`Self::columns`] can have: 1 of a share. The least of all is
+    /// 0.
     pub const LARGEST: [f64; 12] = {
         const ANY: f64 = f64::INFINITY;
         [1.0, 1.0, 1.0, ANY, ANY, 1.0, 1.0, 1.0, 1.0, ANY, ANY, 1.0]
@@ -159,7 +165,8 @@ fn mean(values: &[f64]) -> Option<f64> {
 mod tests {
     use super::*;
 
-    /// Successes of 10 m to the goal's edge by ways of 10 m in 10 s and 12.5 m in 20 s, a crash, and a timeout that stood.
+    /// Successes of 10 m to the goal's edge by ways of 10 m in 10 s and 12.5 m in 20 s, a crash,
+    /// and a timeout that stood.
     #[test]
     fn a_summary_by_hand() {
         use Outcome::{CollisionPedestrian, Success, Timeout};

@@ -63,7 +63,8 @@ pub enum EvalError {
         /// The file.
         file: PathBuf,
     },
-    /// A file cannot be read or written. The message holds the reason, which is therefore not handed on as a source.
+    /// A file cannot be read or written. The message holds the reason, which is therefore not
+    /// handed on as a source.
     #[error("{}: cannot {action}: {reason}", file.display())]
     Io {
         /// The file.

@@ -1,10 +1,13 @@
-//! Tests of a robot among crowds: paired episodes, records, statistics and reports (paper, section "Experiments").
+//! Tests of a robot among crowds: paired episodes, records, statistics and reports (paper, section
+//! "Experiments").
 //!
-//! Reading order: [`protocol`] (a policy in a crowd), [`suite`] (harder places), [`board`] (a leaderboard of them); [`metrics`], [`driving`] and [`statistics`] (what is
-//! summed up, and how sure it is), [`diversity`] (the metric D); [`cell`], [`records`] and [`compact`] (what is kept), [`report`] (what is printed). The episodes themselves are `jostle_arena`'s.
+//! Reading order: [`protocol`] (a policy in a crowd), [`suite`] (harder places), [`board`] (a
+//! leaderboard of them); [`metrics`], [`driving`] and [`statistics`] (what is summed up, and how
+//! sure it is), [`diversity`] (the metric D); [`cell`], [`records`] and [`compact`] (what is kept),
+//! [`report`] (what is printed). The episodes themselves are `jostle_arena`'s.
 //!
-//! Architecture invariants: nothing here trains or knows the trainer; no result depends on the clock, the number of
-//! threads or the lock step.
+//! Architecture invariants: nothing here trains or knows the trainer; no result depends on the
+//! clock, the number of threads or the lock step.
 
 #![forbid(unsafe_code)]
 

@@ -1,12 +1,13 @@
 //! Metrics of episodes and their summaries (paper, Table 4), in f64.
 //!
-//! Times and distances are compared with the straight way to the goal's edge at full speed, so they are defined for
-//! successful episodes alone: an episode that ended early has no arrival to compare.
+//! Times and distances are compared with the straight way to the goal's edge at full speed, so they
+//! are defined for successful episodes alone: an episode that ended early has no arrival to
+//! compare.
 //!
 //! # References
 //!
-//! P. Long et al., "Towards Optimally Decentralized Multi-Robot Collision Avoidance via Deep Reinforcement
-//! Learning", ICRA 2018, section V-B, doi:10.1109/ICRA.2018.8461113.
+//! P. Long et al., "Towards Optimally Decentralized Multi-Robot Collision Avoidance via Deep
+//! Reinforcement Learning", ICRA 2018, section V-B, doi:10.1109/ICRA.2018.8461113.
 
 use serde::{Deserialize, Serialize};
 

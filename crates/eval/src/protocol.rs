@@ -1,6 +1,8 @@
-//! The test protocol: a policy in a crowd over the paired episodes, with records that are reused and continued.
+//! The test protocol: a policy in a crowd over the paired episodes, with records that are reused
+//! and continued.
 //!
-//! Reading order: [`Protocol::evaluate`]; [`jostle_arena::lock_step`] runs the episodes, [`jostle_arena::room`] one of them.
+//! Reading order: [`Protocol::evaluate`]; [`jostle_arena::lock_step`] runs the episodes,
+//! [`jostle_arena::room`] one of them.
 
 use std::path::Path;
 
@@ -93,13 +95,15 @@ impl Protocol {
     ///
     /// # Errors
     ///
-    /// As [`make_crowd`]; [`ArenaError::OwnCrowd`] for a crowd of one's own, which only its owner can make.
+    /// As [`make_crowd`]; [`ArenaError::OwnCrowd`] for a crowd of one's own, which only its owner
+    /// can make.
     pub fn crowd(&self, plan: &RoomPlan) -> Result<Box<dyn Crowd>, ArenaError> {
         let kind = plan.crowd.built_in().ok_or(ArenaError::OwnCrowd { crowd: plan.crowd })?;
         make_crowd(&self.config, kind, &self.pools, &plan.scenario.boundary())
     }
 
-    /// The key of a cell with a crowd of one's own: its visibility, its sensing and its version are part of the settings.
+    /// The key of a cell with a crowd of one's own: its visibility, its sensing and its version are
+    /// part of the settings.
     pub fn key_among(&self, subject: Subject<'_>, crowd: &dyn Crowd) -> CellKey {
         let key = self.key(subject, crowd.name());
         let own = (&key.settings, crowd.visibility(), crowd.senses_by_laser(), crowd.version());
@@ -109,8 +113,9 @@ impl Protocol {
 
     /// Tests a policy in a built-in crowd over the first `episodes` episodes.
     ///
-    /// With a file, records that it holds are reused, and new ones are appended as soon as they are known, so that an
-    /// interrupted test goes on where it stopped. `progress` hears the number of episodes done, and is for display alone.
+    /// With a file, records that it holds are reused, and new ones are appended as soon as they are
+    /// known, so that an interrupted test goes on where it stopped. `progress` hears the number of
+    /// episodes done, and is for display alone.
     ///
     /// # Errors
     ///
@@ -138,7 +143,8 @@ impl Protocol {
     ///
     /// # Errors
     ///
-    /// As [`Self::evaluate`]; a crowd with a built-in one's name, whose records would be taken for its own.
+    /// As [`Self::evaluate`]; a crowd with a built-in one's name, whose records would be taken for
+    /// its own.
     pub fn evaluate_among(
         &self,
         robot: &mut dyn Robot,

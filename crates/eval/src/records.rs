@@ -1,7 +1,9 @@
-//! Records of episodes: one JSON object a line (NDJSON), in the order of the episodes, safe to append to and to resume.
+//! Records of episodes: one JSON object a line (NDJSON), in the order of the episodes, safe to
+//! append to and to resume.
 //!
-//! A run that is killed may leave half a line at the file's end. Reading reports it, resuming cuts it off, and both say
-//! so; any other fault is an error, since a file with a broken middle is not what this program wrote.
+//! A run that is killed may leave half a line at the file's end. Reading reports it, resuming cuts
+//! it off, and both say so; any other fault is an error, since a file with a broken middle is not
+//! what this program wrote.
 
 use std::fs::{File, OpenOptions};
 use std::io::{Read, Seek, SeekFrom, Write};
@@ -72,7 +74,8 @@ pub struct RecordFile {
 ///
 /// # Errors
 ///
-/// A file that cannot be read, a complete line that is no record or is out of order, records of several cells.
+/// A file that cannot be read, a complete line that is no record or is out of order, records of
+/// several cells.
 pub fn read_records(path: &Path) -> Result<RecordFile, EvalError> {
     let mut file = File::open(path).map_err(EvalError::io(path, "read"))?;
     let text = read_capped(path, &mut file)?;
@@ -155,7 +158,8 @@ fn check_cell(path: &Path, file: &RecordFile, key: &CellKey) -> Result<(), EvalE
     }
 }
 
-/// Appends records to a file of one cell; each goes to the file in one write. The file is locked while it lives.
+/// Appends records to a file of one cell; each goes to the file in one write. The file is locked
+/// while it lives.
 #[derive(Debug)]
 pub struct RecordWriter {
     path: PathBuf,
@@ -165,11 +169,13 @@ pub struct RecordWriter {
 }
 
 impl RecordWriter {
-    /// Opens or creates the file of a cell and returns what it holds already; a torn tail is cut off and reported.
+    /// Opens or creates the file of a cell and returns what it holds already; a torn tail is cut
+    /// off and reported.
     ///
     /// # Errors
     ///
-    /// As [`completeness`]; [`EvalError::Locked`] if another run writes the file. Nothing is changed on an error.
+    /// As [`completeness`]; [`EvalError::Locked`] if another run writes the file. Nothing is
+    /// changed on an error.
     pub fn resume(path: &Path, key: &CellKey) -> Result<(Self, RecordFile), EvalError> {
         let mut file = OpenOptions::new()
             .read(true)

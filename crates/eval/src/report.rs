@@ -1,11 +1,12 @@
 //! Results as plain data and their renderings: text for a terminal, Markdown, CSV and JSON.
 //!
-//! Reading order: [`cell`] (one policy in one crowd), [`table`] (the success tables, Table I first), [`evaluation`] (one
-//! policy in detail), [`suite`] (one policy on harder scenes), [`pooled`] (tables over several training seeds), [`grid`] (how text
-//! and Markdown are laid out), [`timing`] (wall times, kept apart).
+//! Reading order: [`cell`] (one policy in one crowd), [`table`] (the success tables, Table I
+//! first), [`evaluation`] (one policy in detail), [`suite`] (one policy on harder scenes),
+//! [`pooled`] (tables over several training seeds), [`grid`] (how text and Markdown are laid out),
+//! [`timing`] (wall times, kept apart).
 //!
-//! Architecture invariant: no rendering reads a clock; wall times pass through [`timing`] alone, so that the same
-//! records give the same bytes.
+//! Architecture invariant: no rendering reads a clock; wall times pass through [`timing`] alone, so
+//! that the same records give the same bytes.
 
 pub mod cell;
 pub mod evaluation;

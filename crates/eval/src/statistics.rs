@@ -1,8 +1,10 @@
-//! Statistics of success rates: the Wilson interval, `McNemar`'s tests and Newcombe's interval of a paired
-//! difference; over training seeds Welch's interval, a permutation test and a hierarchical bootstrap. All in f64.
+//! Statistics of success rates: the Wilson interval, `McNemar`'s tests and Newcombe's interval of a
+//! paired difference; over training seeds Welch's interval, a permutation test and a hierarchical
+//! bootstrap. All in f64.
 //!
-//! Reading order: [`mod@wilson`], [`mcnemar`], [`newcombe`] (episodes of two policies); [`contrast`], [`bootstrap`]
-//! (training seeds); [`binomial`] and [`student`] hold the sums that they need.
+//! Reading order: [`mod@wilson`], [`mcnemar`], [`newcombe`] (episodes of two policies);
+//! [`contrast`], [`bootstrap`] (training seeds); [`binomial`] and [`student`] hold the sums that
+//! they need.
 
 pub mod binomial;
 pub mod bootstrap;

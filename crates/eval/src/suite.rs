@@ -1,7 +1,8 @@
 //! Suites: several scenes on which one policy is tested among several crowds, with one score.
 //!
-//! A suite is a TOML file: a list of scenes, each the usual room with a number of agents or a layout of its own
-//! ([`jostle_arena::scene`]). [`Suite::standard`] comes with the crate; others are read from files of the same form.
+//! A suite is a TOML file: a list of scenes, each the usual room with a number of agents or a
+//! layout of its own ([`jostle_arena::scene`]). [`Suite::standard`] comes with the crate; others
+//! are read from files of the same form.
 
 use std::path::Path;
 
@@ -46,8 +47,8 @@ pub struct SuiteScene {
 }
 
 impl Suite {
-    /// The standard suite: density (N = 5, 10, 20), corridor, doorway, crossing streams, blind corner, standing group, and a
-    /// pedestrian that stops dead.
+    /// The standard suite: density (N = 5, 10, 20), corridor, doorway, crossing streams, blind
+    /// corner, standing group, and a pedestrian that stops dead.
     ///
     /// # Panics
     ///
@@ -60,8 +61,9 @@ impl Suite {
     ///
     /// # Errors
     ///
-    /// [`EvalError::Io`] if it cannot be read, [`EvalError::Suite`] if it is no suite: unknown keys, a name that is no file's, no
-    /// scene, two scenes of one name, a scene with both a number of agents and a layout, or with neither.
+    /// [`EvalError::Io`] if it cannot be read, [`EvalError::Suite`] if it is no suite: unknown
+    /// keys, a name that is no file's, no scene, two scenes of one name, a scene with both a number
+    /// of agents and a layout, or with neither.
     pub fn read(path: &Path) -> Result<Self, EvalError> {
         let refuse = |problem: String| EvalError::Suite { file: path.to_path_buf(), problem };
         let about = std::fs::metadata(path).map_err(EvalError::io(path, "read"))?;
@@ -102,8 +104,9 @@ impl Suite {
 }
 
 impl SuiteScene {
-    /// The settings of the scene's cells. Robot, laser, episode, crowds and seed are those of `base`; room and number of agents
-    /// are the scene's, so that a cell in the usual room has the same key as one that was run without a suite.
+    /// The settings of the scene's cells. Robot, laser, episode, crowds and seed are those of
+    /// `base`; room and number of agents are the scene's, so that a cell in the usual room has the
+    /// same key as one that was run without a suite.
     ///
     /// # Errors
     ///

@@ -79,8 +79,9 @@ fn orca_velocity(scenario: &Scenario, at: DVec2, wanted: DVec2) -> DVec2 {
     simulator.planned_velocity(agent).as_dvec2()
 }
 
-/// Two rooms give the same force and the same velocity at places of the first, turned into the second. Forces may differ by
-/// a share `force` of the largest wall's at that place, velocities by `velocity`, m/s.
+/// Two rooms give the same force and the same velocity at places of the first, turned into the
+/// second. Forces may differ by a share `force` of the largest wall's at that place, velocities by
+/// `velocity`, m/s.
 #[track_caller]
 fn alike(a: &Scenario, b: &Scenario, turn: DVec2, places: &[DVec2], force: f64, velocity: f64) {
     for place in places {
@@ -138,10 +139,11 @@ fn a_thin_wall_of_three_segments_is_one_wall() {
     let whole = polygons(&[segment([-6.0, 6.0])]);
     let thirds = polygons(&[segment([-6.0, -2.0]), segment([-2.0, 2.0]), segment([2.0, 6.0])]);
     let around = places(&[(3.6, 0.0), (3.5, 2.0), (4.4, -2.1), (4.1, 6.4)]);
-    // What touches something is a millimetre thick to either side and longer by one: nothing of it lies further than the
-    // diagonal of that from where the segment does. A force falls by exp(−d/0.2 m). In ORCA someone of 0.35 m at a distance d
-    // of an end keeps to the tangent, which that end's shift turns by at most shift/√(d² − 0.35²), most of all at the last
-    // place; and a velocity straight at the wall is cut to d/5 s.
+    // What touches something is a millimetre thick to either side and longer by one: nothing of it
+    // lies further than the diagonal of that from where the segment does. A force falls by
+    // exp(−d/0.2 m). In ORCA someone of 0.35 m at a distance d of an end keeps to the tangent,
+    // which that end's shift turns by at most shift/√(d² − 0.35²), most of all at the last place;
+    // and a velocity straight at the wall is cut to d/5 s.
     let (shift, nearest) = (2.0_f64.sqrt() * 1e-3, 0.1_f64.hypot(0.4));
     let turn = shift / (nearest.powi(2) - 0.35_f64.powi(2)).sqrt();
     alike(&whole, &thirds, DVec2::X, &around, (shift / 0.2).exp_m1(), turn + shift / 5.0);
@@ -196,7 +198,8 @@ fn a_rasterised_room_is_the_same_however_it_is_turned() {
         for room in [&coarse, &fine, &yawed] {
             assert_eq!(room.boundary().len(), 1, "{degrees}°");
         }
-        // A wall may lie half a cell elsewhere: exp(0.05/0.2) − 1 = 0.28, exp(0.025/0.2) − 1 = 0.13.
+        // A wall may lie half a cell elsewhere: exp(0.05/0.2) − 1 = 0.28, exp(0.025/0.2) − 1 =
+        // 0.13.
         alike(&plain, &coarse, turn, &around, 0.28, 0.05);
         alike(&plain, &fine, turn, &around, 0.13, 0.03);
         alike(&plain, &yawed, turn, &around, 1e-4, 1e-4);

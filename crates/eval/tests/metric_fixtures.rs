@@ -1,4 +1,5 @@
-//! Metrics and statistics against fixtures made with statsmodels, pandas and shapely (see `data/README.md`).
+//! Metrics and statistics against fixtures made with statsmodels, pandas and shapely (see
+//! `data/README.md`).
 
 use jostle_arena::Outcome;
 use jostle_arena::metrics::{EpisodeMetrics, MetricScale};

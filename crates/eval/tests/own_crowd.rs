@@ -1,4 +1,5 @@
-//! A crowd of one's own: its name, visibility and version reach keys, records and rooms; nobody takes it for a built-in one.
+//! A crowd of one's own: its name, visibility and version reach keys, records and rooms; nobody
+//! takes it for a built-in one.
 
 mod common;
 

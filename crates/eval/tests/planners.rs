@@ -1,4 +1,5 @@
-//! Planners in the protocol: the same episodes whatever the threads and the lock step, and what each is worth.
+//! Planners in the protocol: the same episodes whatever the threads and the lock step, and what
+//! each is worth.
 
 use jostle_arena::room::RoomPlan;
 use jostle_arena::{ArenaConfig, Driver, LoadedPolicy, Planner, Pools};

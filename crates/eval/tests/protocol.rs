@@ -1,4 +1,5 @@
-//! The protocol's promises: outcomes, pairing, and the same bytes whatever the threads and the lock step.
+//! The protocol's promises: outcomes, pairing, and the same bytes whatever the threads and the lock
+//! step.
 
 mod common;
 

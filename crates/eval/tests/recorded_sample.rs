@@ -1,4 +1,5 @@
-//! The sample of recorded people that comes with the repository is made by this file, and can be read.
+//! The sample of recorded people that comes with the repository is made by this file, and can be
+//! read.
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -14,8 +15,8 @@ fn path() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../recordings/sample.txt")
 }
 
-/// A floor of 16 m by 12 m around (8, 6). Every 1.6 s somebody enters on one of the four sides and walks to the opposite one with a
-/// sway of 0.3 m; every fifth stands for 4 s halfway.
+/// A floor of 16 m by 12 m around (8, 6). Every 1.6 s somebody enters on one of the four sides and
+/// walks to the opposite one with a sway of 0.3 m; every fifth stands for 4 s halfway.
 fn sample() -> String {
     let mut rows = Vec::new();
     for k in 0..PEOPLE {

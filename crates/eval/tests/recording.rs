@@ -130,7 +130,8 @@ fn who_is_not_there_is_not_measured() {
     let run = protocol.evaluate(&mut robot, subject, CrowdKind::Recorded, 20, None, |_| ()).unwrap();
     let least: Vec<Option<f64>> =
         run.records.iter().map(|record| record.driving.unwrap().min_clearance).collect();
-    // An episode that starts at the last moment in which they are seen has nobody from its first step on.
+    // An episode that starts at the last moment in which they are seen has nobody from its first
+    // step on.
     assert!(least.contains(&None) && least.iter().any(Option::is_some), "{least:?}");
     assert!(least.iter().flatten().all(|clearance| *clearance < 15.0), "{least:?}");
 }

@@ -1,4 +1,5 @@
-//! Lasers that see a sector: what pedestrians see, who may be tested in which room, and crashes that no beam shows.
+//! Lasers that see a sector: what pedestrians see, who may be tested in which room, and crashes
+//! that no beam shows.
 
 mod common;
 
@@ -85,7 +86,8 @@ fn learned_pedestrians_see_the_sector_that_the_robot_sees() {
     for (body, (row, of_circle)) in [own].into_iter().chain(pairs).enumerate() {
         assert_eq!(row[FRAMES * 257..], of_circle[FRAMES * 512..], "goal and velocity of body {body}");
         for frame in 0..FRAMES {
-            // The half circle begins at the beam that points to the right. A silhouette may be grazed.
+            // The half circle begins at the beam that points to the right. A silhouette may be
+            // grazed.
             let apart =
                 |k: &usize| (row[frame * 257 + k] - of_circle[frame * 512 + (k + 384) % 512]).abs() > 1e-4;
             let apart = (0..257).filter(apart).count();

@@ -1,4 +1,5 @@
-//! Scenes of a suite in episodes: paired, repeatable, and with their standing and stopping pedestrians.
+//! Scenes of a suite in episodes: paired, repeatable, and with their standing and stopping
+//! pedestrians.
 
 mod common;
 

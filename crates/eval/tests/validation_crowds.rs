@@ -1,4 +1,5 @@
-//! The walkers for validation: they see nobody, walk at drawn speeds, stand at drawn times, and repeat to the bit.
+//! The walkers for validation: they see nobody, walk at drawn speeds, stand at drawn times, and
+//! repeat to the bit.
 
 mod common;
 

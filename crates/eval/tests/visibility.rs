@@ -1,4 +1,5 @@
-//! Visibility: the robot's actions must not matter to a crowd that cannot see it, and must to one that can.
+//! Visibility: the robot's actions must not matter to a crowd that cannot see it, and must to one
+//! that can.
 
 mod common;
 
@@ -10,8 +11,9 @@ use jostle_eval::Protocol;
 use jostle_peds::{Command, CrowdKind};
 use jostle_sim::Laser;
 
-/// Ways of the pedestrians of an episode while the robot repeats an action; they stop with the robot's episode, or where a
-/// pedestrian was re-spawned (its new place keeps clear of the robot, seen or not).
+/// Ways of the pedestrians of an episode while the robot repeats an action; they stop with the
+/// robot's episode, or where a pedestrian was re-spawned (its new place keeps clear of the robot,
+/// seen or not).
 fn walk(config: &ArenaConfig, crowd: CrowdKind, episode: u64, action: [f32; 2]) -> Vec<Vec<Vec2>> {
     let protocol = Protocol::new(config.clone(), pools()).unwrap();
     let plan = RoomPlan::new(config, crowd).unwrap();

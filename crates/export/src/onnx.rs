@@ -6,9 +6,10 @@
 //! | in | `token` | int64 `[B]` | behaviour tokens; not there where one was baked in |
 //! | out | `action` | float32 `[B, 2]` | the policy's mean: v (m/s), ω (rad/s), to be clipped to the robot's limits |
 //!
-//! A policy that reads motions (`network.inputs = "motion"`) has an encoder before its network that matches bodies between scans. ONNX has no
-//! operators for that, so the model then takes `inputs`, float32 `[B, n]`: what the encoder makes of each observation row
-//! ([`jostle_policy::encoder`]; `jostle.Policy.encode` in Python).
+//! A policy that reads motions (`network.inputs = "motion"`) has an encoder before its network that
+//! matches bodies between scans. ONNX has no operators for that, so the model then takes `inputs`,
+//! float32 `[B, n]`: what the encoder makes of each observation row ([`jostle_policy::encoder`];
+//! `jostle.Policy.encode` in Python).
 //!
 //! The metadata hold the policy's provenance, its limits, and the beams of its laser.
 
@@ -29,7 +30,8 @@ pub const OPSET: i64 = 17;
 /// Version of the file format that goes with it.
 const IR_VERSION: i64 = 8;
 
-/// The bytes of a model file. With a `token` the behaviour is baked in, without one the model has an input for it.
+/// The bytes of a model file. With a `token` the behaviour is baked in, without one the model has
+/// an input for it.
 ///
 /// # Errors
 ///
@@ -185,7 +187,8 @@ impl Builder {
         self.node("Slice", &[x, &from, &end, &axis], vec![])
     }
 
-    /// Rows of `table`, one for each input row: those of the tokens, or of the one that is baked in.
+    /// Rows of `table`, one for each input row: those of the tokens, or of the one that is baked
+    /// in.
     fn of_token(&mut self, table: &str, rows: &str, token: Option<u32>) -> String {
         let Some(token) = token else { return self.node("Gather", &[table, "token"], vec![]) };
         let baked = self.integers("baked_token", &[i64::from(token)]);

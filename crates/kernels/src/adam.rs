@@ -105,8 +105,9 @@ fn step_piece(parameters: &mut [f32], gradient: &[f32], m: &mut [f32], v: &mut [
     }
 }
 
-/// [`step_piece`] for one set. Not by [`Isa::run`](crate::Isa::run): with operands in a struct instead of arguments, which the
-/// compiler knows to be apart, a step takes 1.4 times as long with AVX-512.
+/// [`step_piece`] for one set. Not by [`Isa::run`](crate::Isa::run): with operands in a struct
+/// instead of arguments, which the compiler knows to be apart, a step takes 1.4 times as long with
+/// AVX-512.
 macro_rules! step {
     ($set:ident $(#[$feature:meta])?) => {
         mod $set {

@@ -1,6 +1,8 @@
-//! What readers are told of the messages: their definitions in the language of `.msg` files, each followed by those that it uses.
+//! What readers are told of the messages: their definitions in the language of `.msg` files, each
+//! followed by those that it uses.
 //!
-//! Fields and types are those of ROS 2 from Humble to Kilted. <https://mcap.dev/spec/registry#ros2msg>
+//! Fields and types are those of ROS 2 from Humble to Kilted.
+//! <https://mcap.dev/spec/registry#ros2msg>
 
 /// A type: its name, its fields, and the types that these use.
 struct Definition {

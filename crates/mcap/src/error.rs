@@ -27,7 +27,8 @@ pub enum McapError {
         /// What would be accepted.
         expected: &'static str,
     },
-    /// The file cannot be written. The message holds the reason, which is therefore not handed on as a source.
+    /// The file cannot be written. The message holds the reason, which is therefore not handed on
+    /// as a source.
     #[error("cannot write MCAP: {reason}")]
     Write {
         /// The reason.

@@ -1,7 +1,8 @@
-//! Episodes as MCAP files, which Foxglove, rerun, `ros2 bag play` and the readers of ROS 2 open without anything of jostle.
+//! Episodes as MCAP files, which Foxglove, rerun, `ros2 bag play` and the readers of ROS 2 open
+//! without anything of jostle.
 //!
-//! Reading order: [`recording`] (what is written), [`messages`] (as what), [`definitions`] (what readers are told of the messages),
-//! [`error`].
+//! Reading order: [`recording`] (what is written), [`messages`] (as what), [`definitions`] (what
+//! readers are told of the messages), [`error`].
 //!
 //! Architecture invariant: a file is a function of its recording: no clock is read.
 

@@ -1,4 +1,5 @@
-//! The ROS 2 messages of a recording, field by field in the order of their [definitions](crate::definitions).
+//! The ROS 2 messages of a recording, field by field in the order of their
+//! [definitions](crate::definitions).
 
 use serde::{Deserialize, Serialize};
 

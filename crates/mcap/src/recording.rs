@@ -7,8 +7,9 @@
 //! | `/tf` | `tf2_msgs/TFMessage` | `map` to `base_link` to `laser` |
 //! | `/markers` | `visualization_msgs/MarkerArray` | pedestrians, the goal, walls |
 //!
-//! Episodes follow one another, with a pause between them; time starts at 1 s, as 0 means "the newest" to ROS. The file's metadata has a record
-//! `episode K` for each, K from 0: its name, its notes, and `begin` and `end`, the times of its first and last message, ns.
+//! Episodes follow one another, with a pause between them; time starts at 1 s, as 0 means "the
+//! newest" to ROS. The file's metadata has a record `episode K` for each, K from 0: its name, its
+//! notes, and `begin` and `end`, the times of its first and last message, ns.
 
 use std::collections::BTreeMap;
 use std::io::{Seek, Write};
@@ -32,7 +33,8 @@ const START: u64 = 1_000_000_000;
 const PAUSE: u64 = 1_000_000_000;
 /// Height of what is drawn for a person, m, and of a goal.
 const HEIGHTS: (f64, f64) = (1.6, 0.02);
-/// Largest number of moments of an episode, pedestrians or beams: beyond that a recording is a mistake.
+/// Largest number of moments of an episode, pedestrians or beams: beyond that a recording is a
+/// mistake.
 const MOST: usize = 1_000_000;
 
 /// The robot's laser.
@@ -102,8 +104,8 @@ struct Scene<'a> {
 ///
 /// # Errors
 ///
-/// A moment whose scan has another number of beams than the scanner, numbers that are not finite, a `dt` out of range; a
-/// file that cannot be written.
+/// A moment whose scan has another number of beams than the scanner, numbers that are not finite, a
+/// `dt` out of range; a file that cannot be written.
 pub fn write<W: Write + Seek>(
     file: W,
     episodes: &[Episode],

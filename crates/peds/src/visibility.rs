@@ -57,8 +57,8 @@ impl Default for VisibilityMatrix {
 
 impl VisibilityMatrix {
     /// The row of a crowd: cross-play has that of NH, the straight and the stop-and-go walkers and
-    /// recorded people see nobody whatever the matrix says. A crowd of one's own says for itself what it sees
-    /// ([`crate::Crowd::visibility`]).
+    /// recorded people see nobody whatever the matrix says. A crowd of one's own says for itself
+    /// what it sees ([`crate::Crowd::visibility`]).
     pub fn row(&self, kind: CrowdKind) -> Visibility {
         match kind {
             CrowdKind::Straight | CrowdKind::StopAndGo | CrowdKind::Recorded => Visibility::NONE,

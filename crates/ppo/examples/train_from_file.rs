@@ -1,7 +1,9 @@
-//! Trains what a configuration file describes, one JSON record per update on standard output, and goes on where it was
-//! stopped: `cargo run --release -p jostle-ppo --example train_from_file -- CONFIG FOLDER [KEY=VALUE]…`
+//! Trains what a configuration file describes, one JSON record per update on standard output, and
+//! goes on where it was stopped: `cargo run --release -p jostle-ppo --example train_from_file --
+//! CONFIG FOLDER [KEY=VALUE]…`
 //!
-//! (`cargo xtask train` is the command for real runs: it locks the folder, keeps the log and shows progress.)
+//! (`cargo xtask train` is the command for real runs: it locks the folder, keeps the log and shows
+//! progress.)
 
 use std::io::Write;
 use std::path::{Path, PathBuf};

@@ -1,7 +1,7 @@
 //! Adam with moments that can be saved and restored to the bit.
 //!
-//! The loop itself is `jostle_policy`'s fused kernel. No weight decay; ε stands outside the square root; bias corrections
-//! are computed in f64 from the step count.
+//! The loop itself is `jostle_policy`'s fused kernel. No weight decay; ε stands outside the square
+//! root; bias corrections are computed in f64 from the step count.
 //!
 //! # References
 //!
@@ -16,7 +16,8 @@ pub const BETA_2: f64 = 0.999;
 /// ε (the article's default).
 pub const EPSILON: f64 = 1e-8;
 
-/// One network's optimiser: step size, step count and both moments, in the order of the parameters it steps.
+/// One network's optimiser: step size, step count and both moments, in the order of the parameters
+/// it steps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Adam {
     isa: Isa,
@@ -93,7 +94,8 @@ impl Adam {
     }
 }
 
-/// Scales `gradient` down to the L2 norm `max_norm` when it is longer; 0 turns this off. Returns the norm before.
+/// Scales `gradient` down to the L2 norm `max_norm` when it is longer; 0 turns this off. Returns
+/// the norm before.
 pub fn clip_norm(gradient: &mut [f32], max_norm: f64) -> f64 {
     let norm = gradient.iter().map(|&g| f64::from(g) * f64::from(g)).sum::<f64>().sqrt();
     if max_norm > 0.0 && norm > max_norm {
@@ -119,7 +121,8 @@ mod tests {
 
     #[test]
     fn two_steps_by_hand() {
-        // g = 1, then −1: m = 0.1, then −0.01; v = 1e-3, then 1.999e-3; corrections 0.19 and 1.999e-3.
+        // g = 1, then −1: m = 0.1, then −0.01; v = 1e-3, then 1.999e-3; corrections 0.19 and
+        // 1.999e-3.
         let mut adam = Adam::new(1, 0.1);
         let mut theta = [0.0];
         adam.step(&mut theta, &[1.0]);

@@ -30,14 +30,14 @@
 //! 27  end while
 //! ```
 //!
-//! Line 6 happens at the start of each *episode* (the paper's text below its algorithm), so it lives in the simulator's
-//! rooms, with the agents' own episodes.
+//! Line 6 happens at the start of each *episode* (the paper's text below its algorithm), so it
+//! lives in the simulator's rooms, with the agents' own episodes.
 //!
 //! # Departures
 //!
 //! - Line 9: the sum is over `δ_{t+l}` (see [`crate::gae`]).
-//! - Lines 14, 15, 19: actor, critic and ratio are all conditioned on z. Lines 15 and 19 are means over a minibatch. L^V
-//!   is minimised, its target is GAE + V, which includes `r_t`.
+//! - Lines 14, 15, 19: actor, critic and ratio are all conditioned on z. Lines 15 and 19 are means
+//!   over a minibatch. L^V is minimised, its target is GAE + V, which includes `r_t`.
 //! - Line 15: the entropy bonus of the lineage (Long et al. 2018 and its code) is added.
 //! - Lines 13–26: given the rollout the four networks are independent, so they learn side by side.
 
@@ -66,7 +66,8 @@ use crate::report::DiscriminatorReport;
 use crate::rollout::Rollout;
 use crate::{Clock, Config, PpoError, UpdateReport};
 
-/// Observations of a rollout on which D is watched: few, so that it costs about a percent of an update.
+/// Observations of a rollout on which D is watched: few, so that it costs about a percent of an
+/// update.
 const DIVERSITY_PROBES: usize = 16;
 
 /// A training run in memory: four learners, the rooms, and how far it has come.
@@ -137,8 +138,8 @@ impl Trainer {
     ///
     /// # Errors
     ///
-    /// The refusal of [`Config::validate`]; [`PpoError::Sim`] when the room has no place for the agents;
-    /// [`PpoError::Threads`] when no thread can be started.
+    /// The refusal of [`Config::validate`]; [`PpoError::Sim`] when the room has no place for the
+    /// agents; [`PpoError::Threads`] when no thread can be started.
     pub fn new(config: Config) -> Result<Self, PpoError> {
         config.validate()?;
         let map = config.sim.room.map_file();
@@ -224,8 +225,9 @@ impl Trainer {
     ///
     /// # Errors
     ///
-    /// [`PpoError::NotFinite`] when an observation, action, loss or parameter is not finite. The trainer is then in the
-    /// middle of an update and must be dropped; go on from the last checkpoint.
+    /// [`PpoError::NotFinite`] when an observation, action, loss or parameter is not finite. The
+    /// trainer is then in the middle of an update and must be dropped; go on from the last
+    /// checkpoint.
     pub fn update(&mut self) -> Result<UpdateReport, PpoError> {
         let pool = Arc::clone(&self.pool);
         pool.install(|| self.one_update())
@@ -314,7 +316,8 @@ impl Trainer {
         self.rollout.push_observations(rows, self.rooms.tokens(), self.update)
     }
 
-    /// One step of every agent: observe, sample the policy of its behaviour, execute, collect (lines 6–7).
+    /// One step of every agent: observe, sample the policy of its behaviour, execute, collect
+    /// (lines 6–7).
     pub(crate) fn act(&mut self, step: u64, clock: &mut Clock) -> Result<(), PpoError> {
         let begin = Instant::now();
         self.observe()?;
@@ -348,7 +351,8 @@ impl Trainer {
         Ok(())
     }
 
-    /// The present policy's means for the agents that it drives: for all but walkers and opponents of a training crowd.
+    /// The present policy's means for the agents that it drives: for all but walkers and opponents
+    /// of a training crowd.
     fn infer_means(&mut self) {
         let n = self.rooms.len();
         let driven = (0..n as u32).filter(|agent| self.rooms.role(*agent as usize).has_present_policy());
@@ -365,7 +369,8 @@ impl Trainer {
     pub(crate) fn judge(&mut self) -> [Vec<f32>; 2] {
         let rollout = &self.rollout;
         if self.config.n_behaviours < 2 {
-            // With one behaviour there is nothing to guess: a single logit has the logarithm 0 whatever it is.
+            // With one behaviour there is nothing to guess: a single logit has the logarithm 0
+            // whatever it is.
             return [vec![0.0; rollout.len()], vec![0.0; rollout.len()]];
         }
         let shown = match self.config.discriminator.action {
@@ -417,7 +422,8 @@ impl Trainer {
         Ok(explained_variance(&self.rollout.values, &self.rollout.returns))
     }
 
-    /// The weight of each behaviour's intrinsic reward: α, or 0 where a constrained behaviour drives too badly.
+    /// The weight of each behaviour's intrinsic reward: α, or 0 where a constrained behaviour
+    /// drives too badly.
     fn alphas(&self) -> Vec<f64> {
         let Config { alpha, diversity_margin, n_behaviours, .. } = self.config;
         let is_paid = |behaviour| {
@@ -460,8 +466,8 @@ struct UpdateContext<'a> {
 }
 
 impl UpdateContext<'_> {
-    /// Lines 13–17. Returns the surrogate's mean over all minibatches, KL and clip fraction over the last epoch's, and
-    /// the ratio's deviation in the first minibatch.
+    /// Lines 13–17. Returns the surrogate's mean over all minibatches, KL and clip fraction over
+    /// the last epoch's, and the ratio's deviation in the first minibatch.
     fn improve_policy(&self, actor: &mut Learner) -> Result<PolicyLoss, PpoError> {
         let Config { clip_coef, ent_coef, epochs_policy, max_grad_norm, .. } = *self.config;
         let weights = PolicyLossWeights { clip_coef, ent_coef };
@@ -517,7 +523,8 @@ impl UpdateContext<'_> {
 
     /// Lines 22–26 for one of the two discriminators, whose input `inputs` are `[T·A, width]`.
     ///
-    /// With one behaviour there is nothing to tell apart: loss and gradient are exactly 0, and nothing would move.
+    /// With one behaviour there is nothing to tell apart: loss and gradient are exactly 0, and
+    /// nothing would move.
     fn fit_discriminator(&self, q: &mut Learner, inputs: &[f32]) -> Result<(), PpoError> {
         let m = self.config.n_behaviours;
         if m < 2 {

@@ -1,7 +1,8 @@
-//! Each behaviour's conduct in the training world, and its pay for it: a look at a trainer without learning.
+//! Each behaviour's conduct in the training world, and its pay for it: a look at a trainer without
+//! learning.
 //!
-//! The curves of a run are means over all behaviours. They do not show one that stands still for its intrinsic reward
-//! while the others arrive.
+//! The curves of a run are means over all behaviours. They do not show one that stands still for
+//! its intrinsic reward while the others arrive.
 
 use std::sync::Arc;
 
@@ -51,9 +52,11 @@ impl BehaviourReport {
 }
 
 impl Trainer {
-    /// Acts for `rollouts` rollouts without learning and reports each of the M behaviours, by its token.
+    /// Acts for `rollouts` rollouts without learning and reports each of the M behaviours, by its
+    /// token.
     ///
-    /// The policy acts as in training, by samples, among the run's training crowd, which is not counted. The rooms go on from where they are, so the trainer is used up.
+    /// The policy acts as in training, by samples, among the run's training crowd, which is not
+    /// counted. The rooms go on from where they are, so the trainer is used up.
     ///
     /// # Errors
     ///

@@ -9,12 +9,12 @@
 //! | `state.standing` | with constrained diversity, how well each behaviour drives, JSON as bytes |
 //! | `state.adam_steps` | Adam's step counts, JSON as bytes |
 //!
-//! The metadata holds the format, the configuration (TOML, without the keys that do not change the curve), its hash, the
-//! simulator's and the network's part as JSON, seed, commit, counters, with a population the policies that it was read from,
-//! with a map the hash of its content, and a checksum over everything. A map's relative path starts from the checkpoint's
-//! folder. Two runs of the
-//! same configuration and binary write the same bytes. The trainer's own random streams are named after the update, so
-//! they need no state.
+//! The metadata holds the format, the configuration (TOML, without the keys that do not change the
+//! curve), its hash, the simulator's and the network's part as JSON, seed, commit, counters, with a
+//! population the policies that it was read from, with a map the hash of its content, and a
+//! checksum over everything. A map's relative path starts from the checkpoint's folder. Two runs of
+//! the same configuration and binary write the same bytes. The trainer's own random streams are
+//! named after the update, so they need no state.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -29,7 +29,8 @@ use crate::learner::Learner;
 use crate::population::Population;
 use crate::{Config, PpoError, Trainer};
 
-/// Largest count of updates, transitions or steps that is believed; a run of the paper sees 3.2 million transitions.
+/// Largest count of updates, transitions or steps that is believed; a run of the paper sees 3.2
+/// million transitions.
 const COUNT_MAX: u64 = 1 << 53;
 /// The metadata that names the opponents which came from files.
 const OPPONENTS: &str = "opponents";
@@ -44,8 +45,8 @@ impl Trainer {
     ///
     /// # Errors
     ///
-    /// [`PpoError::Policy`] when the disk refuses or a parameter is not finite, [`PpoError::Io`] when the earlier file
-    /// cannot be kept; the earlier file is then still in its place.
+    /// [`PpoError::Policy`] when the disk refuses or a parameter is not finite, [`PpoError::Io`]
+    /// when the earlier file cannot be kept; the earlier file is then still in its place.
     pub fn save(&mut self, path: &Path) -> Result<(), PpoError> {
         let metadata = self.metadata(path.parent().unwrap_or(Path::new("")));
         let rooms = serde_json::to_vec(&self.rooms.state()).expect("the rooms' state is plain numbers");
@@ -81,13 +82,13 @@ impl Trainer {
 
     /// Goes on from a checkpoint, with the configuration that it holds.
     ///
-    /// `updates`, `checkpoint_every` and `threads` are not part of a checkpoint and come back as defaults; give them by
-    /// [`Self::resume_with`].
+    /// `updates`, `checkpoint_every` and `threads` are not part of a checkpoint and come back as
+    /// defaults; give them by [`Self::resume_with`].
     ///
     /// # Errors
     ///
-    /// [`PpoError::Policy`] or [`PpoError::Checkpoint`] for a file that is missing, truncated, damaged, of another
-    /// format or of another shape than its own configuration says.
+    /// [`PpoError::Policy`] or [`PpoError::Checkpoint`] for a file that is missing, truncated,
+    /// damaged, of another format or of another shape than its own configuration says.
     pub fn resume(path: &Path) -> Result<Self, PpoError> {
         let file = open(path)?;
         let config = stored_config(&file)?;
@@ -98,7 +99,8 @@ impl Trainer {
     ///
     /// # Errors
     ///
-    /// As [`Self::resume`], and [`PpoError::Checkpoint`] when the checkpoint belongs to another configuration.
+    /// As [`Self::resume`], and [`PpoError::Checkpoint`] when the checkpoint belongs to another
+    /// configuration.
     pub fn resume_with(path: &Path, config: Config) -> Result<Self, PpoError> {
         let file = open(path)?;
         let (found, expected) = (stored_config(&file)?.hash(), config.hash());
@@ -115,7 +117,8 @@ impl Trainer {
         if ![stored.hash(), stored.hash_with_path()].contains(&provenance.config_hash) {
             return Err(refuse(file.path(), "config_hash", provenance.config_hash, stored.hash()));
         }
-        // Before anything of the configuration's sizes is made: a file that claims much must hold as much.
+        // Before anything of the configuration's sizes is made: a file that claims much must hold
+        // as much.
         check_shapes(&config, file)?;
         for (field, found) in [("update", provenance.update), ("transitions", provenance.transitions)] {
             check_count(file, field, found)?;
@@ -241,7 +244,8 @@ fn keep_previous(path: &Path) -> Result<(), PpoError> {
     // Not every file system has hard links; a copy does as well.
     std::fs::hard_link(path, &link).or_else(|_| std::fs::copy(path, &link).map(drop)).map_err(io)?;
     std::fs::rename(&link, &previous).map_err(io)?;
-    // Where both are already the same file, as after a kill between this and the replacement, renaming does nothing.
+    // Where both are already the same file, as after a kill between this and the replacement,
+    // renaming does nothing.
     let _ = std::fs::remove_file(&link);
     Ok(())
 }

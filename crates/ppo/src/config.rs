@@ -1,8 +1,8 @@
 //! The configuration of a training run: every key with its unit, range and origin.
 //!
-//! The defaults are those of the paper's Table of hyper-parameters ("paper" below) or, where it is silent, of the code
-//! that it builds on, Acmece/rl-collision-avoidance ("lineage"). Reading order: this file; `config/load.rs` (TOML,
-//! overrides, error locations); `config/check.rs` (ranges).
+//! The defaults are those of the paper's Table of hyper-parameters ("paper" below) or, where it is
+//! silent, of the code that it builds on, Acmece/rl-collision-avoidance ("lineage"). Reading order:
+//! this file; `config/load.rs` (TOML, overrides, error locations); `config/check.rs` (ranges).
 
 use jostle_diversity::{DiscriminatorConfig, IntrinsicReward};
 use jostle_policy::encoder::motion::MotionInputs;
@@ -40,21 +40,25 @@ const KEYS_WITHOUT_EFFECT: [&str; 3] = ["updates", "checkpoint_every", "threads"
 pub struct Config {
     /// Root seed of every random stream; 0 to 2⁶³ − 1. Default 1.
     pub seed: u64,
-    /// Updates of the whole run; ≥ 1. Default 5000 (paper). Does not change the curve, only its length.
+    /// Updates of the whole run; ≥ 1. Default 5000 (paper). Does not change the curve, only its
+    /// length.
     #[cfg_attr(feature = "schema", schemars(extend("minimum" = 1, "maximum" = i64::MAX, "origin" = "paper")))]
     pub updates: u64,
-    /// Updates between checkpoints; 0 writes one at the end alone. Default 100. Does not change the curve.
+    /// Updates between checkpoints; 0 writes one at the end alone. Default 100. Does not change the
+    /// curve.
     pub checkpoint_every: u64,
     /// Worker threads; 0 takes one for each core. Default 0. Does not change a bit of the curve.
     #[cfg_attr(feature = "schema", schemars(extend("maximum" = 1024)))]
     pub threads: usize,
-    /// Back end of the networks: `fast` (own kernels on the CPU) or `reference` (candle). Default `fast`.
+    /// Back end of the networks: `fast` (own kernels on the CPU) or `reference` (candle). Default
+    /// `fast`.
     pub backend: Backend,
     /// Agents in a room, the paper's N (alias `N`); 1 to 1000. Default 5 (paper).
     #[cfg_attr(feature = "schema", schemars(extend("minimum" = 1, "maximum" = 1000, "origin" = "paper")))]
     #[serde(alias = "N")]
     pub n_agents: usize,
-    /// Behaviours, the paper's M (alias `M`); 1 to 1000; 1 is the baseline without diversity. Default 5 (paper).
+    /// Behaviours, the paper's M (alias `M`); 1 to 1000; 1 is the baseline without diversity.
+    /// Default 5 (paper).
     #[cfg_attr(feature = "schema", schemars(extend("minimum" = 1, "maximum" = 1000, "origin" = "paper")))]
     #[serde(alias = "M")]
     pub n_behaviours: usize,
@@ -65,7 +69,8 @@ pub struct Config {
     /// Steps that each agent collects for an update; ≥ 1. Default 128 (lineage).
     #[cfg_attr(feature = "schema", schemars(extend("minimum" = 1, "maximum" = 65536, "origin" = "lineage")))]
     pub horizon: usize,
-    /// Transitions in a minibatch; 1 to `horizon · n_agents · n_rooms`; an epoch's last may be shorter. Default 256.
+    /// Transitions in a minibatch; 1 to `horizon · n_agents · n_rooms`; an epoch's last may be
+    /// shorter. Default 256.
     #[cfg_attr(feature = "schema", schemars(extend("minimum" = 1)))]
     pub minibatch: usize,
     /// Epochs over a rollout for the policy; ≥ 1. Default 3 (paper).
@@ -74,15 +79,17 @@ pub struct Config {
     /// Epochs over a rollout for the value function; ≥ 1. Default 3 (paper).
     #[cfg_attr(feature = "schema", schemars(extend("minimum" = 1, "maximum" = 1000, "origin" = "paper")))]
     pub epochs_value: usize,
-    /// Epochs over a rollout for both discriminators; ≥ 0. Default 1 (paper; another of its rows can be read as 3).
+    /// Epochs over a rollout for both discriminators; ≥ 0. Default 1 (paper; another of its rows
+    /// can be read as 3).
     #[cfg_attr(feature = "schema", schemars(extend("maximum" = 1000, "origin" = "paper; another of its rows can be read as 3")))]
     pub epochs_discriminator: usize,
-    /// Adam's step size for policy and value function; > 0. Default 5e-5 (paper). The discriminators have their own in
-    /// `[discriminator]`.
+    /// Adam's step size for policy and value function; > 0. Default 5e-5 (paper). The
+    /// discriminators have their own in `[discriminator]`.
     #[cfg_attr(feature = "schema", schemars(extend("exclusiveMinimum" = 0.0, "origin" = "paper")))]
     pub learning_rate: f64,
-    /// Updates in which the step size of policy and value function halves, smoothly; ≥ 0, 0 keeps it. Counted in updates
-    /// done, so that a run that is made longer goes on as it was. Default 0 (paper).
+    /// Updates in which the step size of policy and value function halves, smoothly; ≥ 0, 0 keeps
+    /// it. Counted in updates done, so that a run that is made longer goes on as it was. Default 0
+    /// (paper).
     #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "default" = 0.0, "origin" = "paper")))]
     #[serde(skip_serializing_if = "is_default")]
     pub learning_rate_half_life: f64,
@@ -98,18 +105,20 @@ pub struct Config {
     /// Weight of the entropy bonus; ≥ 0. Default 5e-4 (lineage).
     #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "origin" = "lineage")))]
     pub ent_coef: f64,
-    /// Gradients longer than this (L2 norm over a network) are scaled down; ≥ 0, 0 is off. Default 0 (lineage).
+    /// Gradients longer than this (L2 norm over a network) are scaled down; ≥ 0, 0 is off. Default
+    /// 0 (lineage).
     #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "origin" = "lineage")))]
     pub max_grad_norm: f64,
-    /// Weight α of the intrinsic reward; ≥ 0. Default 0.1 (paper; its ablations use 0.01 for `state_action` and 0.03
-    /// for `state`).
+    /// Weight α of the intrinsic reward; ≥ 0. Default 0.1 (paper; its ablations use 0.01 for
+    /// `state_action` and 0.03 for `state`).
     #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "origin" = "paper; its ablations use 0.01 for `state_action` and 0.03 for `state`")))]
     pub alpha: f64,
-    /// Target of α: the intrinsic `reward` of a step (the paper's Algorithm 1, line 8) or the intrinsic `advantage` (the
-    /// paper's table calls α "advantage weight"). Default `reward`.
+    /// Target of α: the intrinsic `reward` of a step (the paper's Algorithm 1, line 8) or the
+    /// intrinsic `advantage` (the paper's table calls α "advantage weight"). Default `reward`.
     pub alpha_weighs: AlphaWeighs,
-    /// With more than one behaviour, those whose mean return (of the task, over an episode) is further than this below the best so
-    /// far learn the task alone, as if their α were 0; ≥ 0, 0 is off. Default 0 (paper).
+    /// With more than one behaviour, those whose mean return (of the task, over an episode) is
+    /// further than this below the best so far learn the task alone, as if their α were 0; ≥ 0, 0
+    /// is off. Default 0 (paper).
     #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "default" = 0.0, "origin" = "paper")))]
     #[serde(skip_serializing_if = "is_default")]
     pub diversity_margin: f64,
@@ -117,7 +126,8 @@ pub struct Config {
     pub intrinsic_reward: IntrinsicReward,
     /// Adds log M to the rewards `state_action` and `state`, as DIAYN does. Default false.
     pub add_log_m: bool,
-    /// Bootstraps with V of the episode's last observation where the time limit cuts it. Default false (lineage).
+    /// Bootstraps with V of the episode's last observation where the time limit cuts it. Default
+    /// false (lineage).
     #[cfg_attr(feature = "schema", schemars(extend("origin" = "lineage")))]
     pub bootstrap_truncation: bool,
     /// The simulator.
@@ -142,9 +152,9 @@ pub enum AlphaWeighs {
     /// The intrinsic reward of each step: r + α·`r_int`, one advantage, one value function of both.
     #[default]
     Reward,
-    /// The intrinsic advantage: `Â + α·Â_int`, each normalised over the rollout, so that α is a share whatever the scale of the
-    /// rewards. `Â_int` is the sum of intrinsic rewards to the episode's end, discounted by γλ, without a value function; V is
-    /// that of the task.
+    /// The intrinsic advantage: `Â + α·Â_int`, each normalised over the rollout, so that α is a
+    /// share whatever the scale of the rewards. `Â_int` is the sum of intrinsic rewards to the
+    /// episode's end, discounted by γλ, without a value function; V is that of the task.
     Advantage,
 }
 
@@ -166,8 +176,8 @@ pub struct NetworkSection {
     /// Length of a behaviour's embedding; ≥ 1. Default 32 (paper).
     #[cfg_attr(feature = "schema", schemars(extend("minimum" = 1, "maximum" = 65536, "origin" = "paper")))]
     pub embedding: usize,
-    /// Standard deviation of the embeddings at the start; ≥ 0. Default 1 (PyTorch's): how far apart the behaviours are
-    /// before anything is learned.
+    /// Standard deviation of the embeddings at the start; ≥ 0. Default 1 (PyTorch's): how far apart
+    /// the behaviours are before anything is learned.
     #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "origin" = "PyTorch's")))]
     pub embedding_std: f32,
     /// Length of the laser feature; ≥ 1. Default 256 (lineage).
@@ -179,13 +189,14 @@ pub struct NetworkSection {
     /// Initial log standard deviation of both action dimensions. Default 0 (lineage).
     #[cfg_attr(feature = "schema", schemars(extend("origin" = "lineage")))]
     pub log_std_init: f32,
-    /// Inputs of the network: every beam of the `scans` (paper), or `motion`, the bodies around with their velocities
-    /// and when each way would meet them, which takes a laser that sees all round. Default `scans`.
+    /// Inputs of the network: every beam of the `scans` (paper), or `motion`, the bodies around
+    /// with their velocities and when each way would meet them, which takes a laser that sees all
+    /// round. Default `scans`.
     #[cfg_attr(feature = "schema", schemars(extend("default" = "scans")))]
     #[serde(skip_serializing_if = "is_default")]
     pub inputs: NetworkInputs,
-    /// With `scans`, the network reads the nearest of each this many neighbouring beams; a divisor of `sim.laser.beams`.
-    /// The robot keeps all its beams. Default 1 (paper).
+    /// With `scans`, the network reads the nearest of each this many neighbouring beams; a divisor
+    /// of `sim.laser.beams`. The robot keeps all its beams. Default 1 (paper).
     #[cfg_attr(feature = "schema", schemars(extend("minimum" = 1, "default" = 1, "origin" = "paper")))]
     #[serde(skip_serializing_if = "is_one")]
     pub scan_pool: usize,
@@ -199,7 +210,8 @@ pub enum NetworkInputs {
     /// The observation row: three scans, goal, velocity.
     #[default]
     Scans,
-    /// Bodies with their velocities, and when each way would meet them ([`jostle_policy::encoder::motion`]).
+    /// Bodies with their velocities, and when each way would meet them
+    /// ([`jostle_policy::encoder::motion`]).
     Motion,
 }
 
@@ -298,9 +310,10 @@ impl Config {
         }
     }
 
-    /// The resolved configuration as TOML, without `updates`, `checkpoint_every` and `threads`: what a checkpoint
-    /// holds. Reading it back gives this configuration with those three at their defaults. `alpha_weighs`, which is younger than
-    /// the first shipped policies, is left out at its default, so that theirs keep their hash.
+    /// The resolved configuration as TOML, without `updates`, `checkpoint_every` and `threads`:
+    /// what a checkpoint holds. Reading it back gives this configuration with those three at their
+    /// defaults. `alpha_weighs`, which is younger than the first shipped policies, is left out at
+    /// its default, so that theirs keep their hash.
     ///
     /// # Panics
     ///
@@ -317,7 +330,8 @@ impl Config {
         toml::to_string(&table).expect("a table is TOML")
     }
 
-    /// Leaves training crowd and population out where they are off, else those of their keys that have their default.
+    /// Leaves training crowd and population out where they are off, else those of their keys that
+    /// have their default.
     fn leave_out_defaults(&self, table: &mut toml::Table) {
         if self.training_crowd.is_off() {
             table.remove("training_crowd");
@@ -337,20 +351,23 @@ impl Config {
         }
     }
 
-    /// Says that a file in `folder` names the map and the population's files: relative paths start there.
+    /// Says that a file in `folder` names the map and the population's files: relative paths start
+    /// there.
     pub fn named_in(&mut self, folder: &Path) {
         self.sim.room.named_in(folder);
         self.population.named_in(folder);
     }
 
-    /// As [`Self::named_in`], for what this program has written. Earlier versions wrote paths as they were given, relative
-    /// to the working directory: they are taken from there if nothing lies where the folder says.
+    /// As [`Self::named_in`], for what this program has written. Earlier versions wrote paths as
+    /// they were given, relative to the working directory: they are taken from there if nothing
+    /// lies where the folder says.
     pub fn stored_in(&mut self, folder: &Path) {
         self.sim.room.stored_in(folder);
         self.population.stored_in(folder);
     }
 
-    /// The configuration as a file in `folder` names it: relative paths lead from there to the same files.
+    /// The configuration as a file in `folder` names it: relative paths lead from there to the same
+    /// files.
     #[must_use]
     pub fn as_named_in(&self, folder: &Path) -> Self {
         let mut config = self.clone();
@@ -359,9 +376,11 @@ impl Config {
         config
     }
 
-    /// SHA-256 of [`Self::canonical_toml`] in hexadecimal: two runs of the same hash have the same curve. Of the paths of a map
-    /// and of the population's files only names count, since the folders are others on each machine; what is in the files
-    /// is known by [`jostle_sim::maps::sha256`] and [`crate::OpponentRecord`], which a checkpoint holds beside this hash.
+    /// SHA-256 of [`Self::canonical_toml`] in hexadecimal: two runs of the same hash have the same
+    /// curve. Of the paths of a map and of the population's files only names count, since the
+    /// folders are others on each machine; what is in the files is known by
+    /// [`jostle_sim::maps::sha256`] and [`crate::OpponentRecord`], which a checkpoint holds beside
+    /// this hash.
     pub fn hash(&self) -> String {
         let mut named = self.clone();
         named.population = self.population.by_name();

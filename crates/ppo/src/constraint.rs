@@ -1,8 +1,10 @@
-//! Constrained diversity: a behaviour is paid for being different only while it drives nearly as well as the best.
+//! Constrained diversity: a behaviour is paid for being different only while it drives nearly as
+//! well as the best.
 //!
-//! The idea is SMERL's (Kumar et al. 2020, "One solution is not all you need") and DGPO's (Chen et al. 2024): diversity must not be bought
-//! with the task. Here each behaviour's mean return is followed over its last few hundred episodes. While it is further than
-//! `diversity_margin` below the best that any behaviour has had, that behaviour's α is 0 and it learns the task alone.
+//! The idea is SMERL's (Kumar et al. 2020, "One solution is not all you need") and DGPO's (Chen et
+//! al. 2024): diversity must not be bought with the task. Here each behaviour's mean return is
+//! followed over its last few hundred episodes. While it is further than `diversity_margin` below
+//! the best that any behaviour has had, that behaviour's α is 0 and it learns the task alone.
 //!
 //! # Formula
 //!
@@ -27,7 +29,8 @@ pub(crate) struct Standing {
     means: Vec<Option<f64>>,
     /// Episodes of each behaviour that ended so far.
     ended: Vec<u64>,
-    /// The best mean so far; `None` while some behaviour has ended fewer than [`HALF_LIFE`] episodes.
+    /// The best mean so far; `None` while some behaviour has ended fewer than [`HALF_LIFE`]
+    /// episodes.
     best: Option<f64>,
 }
 
@@ -66,7 +69,8 @@ impl Standing {
         }
     }
 
-    /// True if a behaviour drives well enough to be paid for its difference; before the best is known everyone is.
+    /// True if a behaviour drives well enough to be paid for its difference; before the best is
+    /// known everyone is.
     pub(crate) fn is_paid(&self, behaviour: usize, margin: f64) -> bool {
         match (self.means[behaviour], self.best) {
             (Some(mean), Some(best)) => mean >= best - margin,

@@ -1,4 +1,5 @@
-//! The one error type of this crate. Each message is one line that names where, what was found and what was expected.
+//! The one error type of this crate. Each message is one line that names where, what was found and
+//! what was expected.
 
 use std::path::PathBuf;
 
@@ -25,7 +26,8 @@ pub enum PpoError {
         /// The parser's words.
         message: String,
     },
-    /// A file cannot be read or written. The message holds the reason, which is therefore not handed on as a source.
+    /// A file cannot be read or written. The message holds the reason, which is therefore not
+    /// handed on as a source.
     #[error("{}: cannot {action}: {reason}", path.display())]
     Io {
         /// The file.

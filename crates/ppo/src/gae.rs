@@ -1,7 +1,9 @@
-//! Generalised advantage estimation over agents' own episodes (Algorithm 1, line 9), and advantage normalisation.
+//! Generalised advantage estimation over agents' own episodes (Algorithm 1, line 9), and advantage
+//! normalisation.
 //!
-//! Arithmetic is f64. An episode's end stops the sum, whether it was terminated or truncated; the two differ only in
-//! the value that stands behind the last step. A rollout's end that cuts a running episode is neither: it bootstraps.
+//! Arithmetic is f64. An episode's end stops the sum, whether it was terminated or truncated; the
+//! two differ only in the value that stands behind the last step. A rollout's end that cuts a
+//! running episode is neither: it bootstraps.
 //!
 //! # Departures
 //!
@@ -15,8 +17,8 @@ pub enum StepFate {
     Running,
     /// Goal or crash: nothing stands behind this step.
     Terminated,
-    /// The time limit cut the episode. `bootstrap_value` is V of its last observation, or 0 where truncation is not
-    /// bootstrapped.
+    /// The time limit cut the episode. `bootstrap_value` is V of its last observation, or 0 where
+    /// truncation is not bootstrapped.
     Truncated {
         /// The value behind the cut.
         bootstrap_value: f64,
@@ -25,12 +27,14 @@ pub enum StepFate {
 
 /// Advantages of one agent's consecutive steps, written to `advantages`.
 ///
-/// `last_value` is V of the observation after the last step; it has no effect when that step ends an episode.
+/// `last_value` is V of the observation after the last step; it has no effect when that step ends
+/// an episode.
 ///
 /// # Formula
 ///
-/// `δ_t = r_t + γ·V_next − V_t` and `A_t = δ_t + γλ·A_{t+1}`, where `A_{t+1}` is dropped at an episode's end and
-/// `V_next` is 0 (terminated), the bootstrap value (truncated), else `V_{t+1}` or `last_value`.
+/// `δ_t = r_t + γ·V_next − V_t` and `A_t = δ_t + γλ·A_{t+1}`, where `A_{t+1}` is dropped at an
+/// episode's end and `V_next` is 0 (terminated), the bootstrap value (truncated), else `V_{t+1}` or
+/// `last_value`.
 ///
 /// # Shapes
 ///
@@ -42,8 +46,8 @@ pub enum StepFate {
 ///
 /// # References
 ///
-/// Schulman, Moritz, Levine, Jordan, Abbeel: High-Dimensional Continuous Control Using Generalized Advantage
-/// Estimation, arXiv:1506.02438.
+/// Schulman, Moritz, Levine, Jordan, Abbeel: High-Dimensional Continuous Control Using Generalized
+/// Advantage Estimation, arXiv:1506.02438.
 pub fn advantages(
     rewards: &[f64],
     values: &[f64],
@@ -67,7 +71,8 @@ pub fn advantages(
     }
 }
 
-/// Shifts and scales `advantages` to mean 0 and population standard deviation 1, over the whole rollout.
+/// Shifts and scales `advantages` to mean 0 and population standard deviation 1, over the whole
+/// rollout.
 ///
 /// # Formula
 ///
@@ -103,8 +108,8 @@ mod tests {
 
     #[test]
     fn three_steps_by_hand() {
-        // γ = λ = 0.5. δ_2 = 1 + 0.5·4 − 2 = 1; δ_1 = 0 + 0.5·2 − 1 = 0; δ_0 = 2 + 0.5·1 − 3 = −0.5.
-        // A_2 = 1, A_1 = 0 + 0.25·1, A_0 = −0.5 + 0.25·0.25.
+        // γ = λ = 0.5. δ_2 = 1 + 0.5·4 − 2 = 1; δ_1 = 0 + 0.5·2 − 1 = 0; δ_0 = 2 + 0.5·1 − 3 =
+        // −0.5. A_2 = 1, A_1 = 0 + 0.25·1, A_0 = −0.5 + 0.25·0.25.
         let result = of(&[2.0, 0.0, 1.0], &[3.0, 1.0, 2.0], &[Running; 3], 4.0, 0.5, 0.5);
         assert_eq!(result, [-0.4375, 0.25, 1.0]);
     }

@@ -1,7 +1,7 @@
 //! The losses of Algorithm 1 with their gradients in closed form (lines 14–15 and 19).
 //!
-//! The networks give means and values; these pure functions give the loss and its derivative with respect to them.
-//! Sums are f64 in row order; gradients leave as f32.
+//! The networks give means and values; these pure functions give the loss and its derivative with
+//! respect to them. Sums are f64 in row order; gradients leave as f32.
 
 use jostle_policy::DiagonalGaussian;
 
@@ -47,13 +47,16 @@ pub struct PolicyLoss {
     pub d_log_std: [f64; N_ACTIONS],
 }
 
-/// Clipped surrogate with entropy bonus over the minibatch `rows`; writes ∂loss/∂means to `d_means`.
+/// Clipped surrogate with entropy bonus over the minibatch `rows`; writes ∂loss/∂means to
+/// `d_means`.
 ///
-/// The gradient of a row is 0 where clipping is active; a ratio exactly on the edge counts as unclipped.
+/// The gradient of a row is 0 where clipping is active; a ratio exactly on the edge counts as
+/// unclipped.
 ///
 /// # Shapes
 ///
-/// `means` and `d_means` are `[B]` for the B entries of `rows`, which index the rollout's `targets`.
+/// `means` and `d_means` are `[B]` for the B entries of `rows`, which index the rollout's
+/// `targets`.
 ///
 /// # Formula
 ///
@@ -102,11 +105,13 @@ pub fn policy_loss(
     result
 }
 
-/// mean((V − target)²) over the minibatch `rows`, without a factor ½; writes ∂loss/∂V to `d_values`.
+/// mean((V − target)²) over the minibatch `rows`, without a factor ½; writes ∂loss/∂V to
+/// `d_values`.
 ///
 /// # Shapes
 ///
-/// `values` and `d_values` are `[B]` for the B entries of `rows`, which index the rollout's `returns`.
+/// `values` and `d_values` are `[B]` for the B entries of `rows`, which index the rollout's
+/// `returns`.
 ///
 /// # Panics
 ///
@@ -123,8 +128,8 @@ pub fn value_loss(values: &[f32], returns: &[f64], rows: &[u32], d_values: &mut 
     loss
 }
 
-/// 1 − Var(returns − values)/Var(returns): 1 for a perfect critic, 0 for one that predicts a constant; 0 when the
-/// returns do not vary.
+/// 1 − Var(returns − values)/Var(returns): 1 for a perfect critic, 0 for one that predicts a
+/// constant; 0 when the returns do not vary.
 pub fn explained_variance(values: &[f64], returns: &[f64]) -> f64 {
     let n = returns.len() as f64;
     let variance = |xs: &dyn Fn(usize) -> f64| {
@@ -201,7 +206,8 @@ mod tests {
         let entropy = (2.0 * std::f64::consts::PI * std::f64::consts::E).ln() - 0.5;
         near(loss.entropy, entropy);
         near(loss.loss, loss.surrogate - 0.25 * entropy);
-        // The first row is clipped; the second has weight 0.95·4/2 and a slope of (a − μ)/σ² or ((a − μ)/σ)² − 1.
+        // The first row is clipped; the second has weight 0.95·4/2 and a slope of (a − μ)/σ² or ((a
+        // − μ)/σ)² − 1.
         let variance = (-1.0_f64).exp();
         assert_eq!(d_means[0], [0.0; 2]);
         assert!((f64::from(d_means[1][0]) - 1.9 * 0.2).abs() < 1e-6, "{d_means:?}");
@@ -213,7 +219,8 @@ mod tests {
 
     #[test]
     fn a_ratio_on_the_edge_counts_as_unclipped() {
-        // A trust interval of no width has its edges at the ratio of an unchanged policy, exactly 1.
+        // A trust interval of no width has its edges at the ratio of an unchanged policy, exactly
+        // 1.
         let (action, mean, log_std) = ([0.7, -0.2], [0.5, 0.1], [0.0, -0.5]);
         let old = [log_prob(action, mean, log_std)];
         for advantage in [2.0, -2.0] {

@@ -1,10 +1,13 @@
-//! A population: frozen policies that drive a share of the agents, read from files or kept from the run's own past.
+//! A population: frozen policies that drive a share of the agents, read from files or kept from the
+//! run's own past.
 //!
-//! `training_crowd.opponents` is the share of opponents; the rooms draw who is one in an episode, and which.
-//! An opponent sees everyone and acts on the mean of its policy, as pedestrians of a test do, at the crowd's speed.
+//! `training_crowd.opponents` is the share of opponents; the rooms draw who is one in an episode,
+//! and which. An opponent sees everyone and acts on the mean of its policy, as pedestrians of a
+//! test do, at the crowd's speed.
 //!
-//! The run's own past is a ring of snapshots. Until one is taken its place holds the policy that the run began with. A
-//! snapshot replaces the oldest; whoever is driven by that one goes on with the new one.
+//! The run's own past is a ring of snapshots. Until one is taken its place holds the policy that
+//! the run began with. A snapshot replaces the oldest; whoever is driven by that one goes on with
+//! the new one.
 
 use std::path::Path;
 
@@ -18,7 +21,8 @@ use crate::config::{Config, PopulationConfig};
 use crate::learner::Learner;
 use crate::{PpoError, config};
 
-/// A policy that was read from a file, as checkpoints name it: enough to tell later whom a run was trained against.
+/// A policy that was read from a file, as checkpoints name it: enough to tell later whom a run was
+/// trained against.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct OpponentRecord {
     /// SHA-256 of the file, hexadecimal.
@@ -84,7 +88,8 @@ impl Opponent {
 }
 
 impl Population {
-    /// The population of a run that begins with the policy `theta`; `None` where nobody is an opponent.
+    /// The population of a run that begins with the policy `theta`; `None` where nobody is an
+    /// opponent.
     ///
     /// # Errors
     ///
@@ -108,12 +113,14 @@ impl Population {
         Ok(Some(Self { opponents, records, past_every: *past_every }))
     }
 
-    /// Overwrites the actions of all agents that an opponent drives in this step with the means of its policy.
+    /// Overwrites the actions of all agents that an opponent drives in this step with the means of
+    /// its policy.
     pub(crate) fn act(&mut self, rooms: &Rooms, actions: &mut [[f32; 2]]) {
         self.opponents.iter_mut().for_each(Opponent::clear);
         let (width, n) = (rooms.config().observation_len(), self.opponents.len() as u64);
         for agent in (0..rooms.len()).filter(|agent| rooms.role(*agent) == Role::Opponent) {
-            // The upper half of the product: each policy gets the same share of the 2³² numbers, to within one.
+            // The upper half of the product: each policy gets the same share of the 2³² numbers, to
+            // within one.
             let which = (u64::from(rooms.opponent(agent)) * n) >> 32;
             let observation = &rooms.observations()[agent * width..(agent + 1) * width];
             self.opponents[which as usize].push(agent, observation, rooms.tokens()[agent]);
@@ -142,7 +149,8 @@ impl Population {
         &self.records
     }
 
-    /// The parameters of each snapshot in canonical order, with the tensor that a checkpoint keeps them in.
+    /// The parameters of each snapshot in canonical order, with the tensor that a checkpoint keeps
+    /// them in.
     pub(crate) fn snapshots(&mut self) -> Vec<(String, Vec<f32>)> {
         let named = |(k, opponent): (usize, &mut Opponent)| {
             let native = opponent.network.parameters_and_gradient().0.to_vec();

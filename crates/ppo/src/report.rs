@@ -1,12 +1,14 @@
-//! The report of one update: results, which are the same bytes in every repetition, and seconds, which are not.
+//! The report of one update: results, which are the same bytes in every repetition, and seconds,
+//! which are not.
 
 use jostle_sim::{Outcome, StepEnd};
 use serde::{Deserialize, Serialize};
 
 /// One update's measures, ready to be logged as one record.
 ///
-/// Rewards, returns and lengths are those of the learners in the rollout; discriminator losses and accuracies are measured on the new
-/// rollout *before* training on it, so that they tell of unseen data.
+/// Rewards, returns and lengths are those of the learners in the rollout; discriminator losses and
+/// accuracies are measured on the new rollout *before* training on it, so that they tell of unseen
+/// data.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct UpdateReport {
     /// Number of this update, counted from 1.
@@ -28,7 +30,8 @@ pub struct UpdateReport {
     pub discriminator_state_action: DiscriminatorReport,
     /// q(z | s) on the new rollout.
     pub discriminator_state: DiscriminatorReport,
-    /// D over a few of the rollout's observations, before the update: mean KL between behaviours, nats.
+    /// D over a few of the rollout's observations, before the update: mean KL between behaviours,
+    /// nats.
     pub diversity: f64,
     /// Mean value loss over the epochs' minibatches.
     pub value_loss: f64,
@@ -40,13 +43,15 @@ pub struct UpdateReport {
     pub approx_kl: f64,
     /// Share of ratios outside 1 ± ε, mean over the last epoch's minibatches.
     pub clip_fraction: f64,
-    /// Largest |ratio − 1| in the first minibatch, where π is still `π_old`: 0 but for rounding between batch sizes.
+    /// Largest |ratio − 1| in the first minibatch, where π is still `π_old`: 0 but for rounding
+    /// between batch sizes.
     pub first_ratio_deviation: f64,
     /// Entropy of the policy after the update, nats.
     pub entropy: f64,
     /// Log standard deviations of v and ω after the update.
     pub log_std: [f32; 2],
-    /// Behaviours whose diversity was paid in this update; `None` where diversity is not constrained.
+    /// Behaviours whose diversity was paid in this update; `None` where diversity is not
+    /// constrained.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub paid_behaviours: Option<u64>,
     /// Agents that nobody learned from; `None` where there is no training crowd.

@@ -13,10 +13,10 @@ use crate::report::{CrowdReport, EpisodeCounts};
 ///
 /// # Shapes
 ///
-/// All buffers are row-major `[T, A]` with row index t·A + a, until `keep_learners` leaves out the rows of a training
-/// crowd; the others keep their order. `observations` and `tokens` hold rows beyond T·A: first the
-/// A observations after the last step, then the last observations of truncated episodes, whose values are needed, too.
-/// `fates` and `places` are `[T, A]` always.
+/// All buffers are row-major `[T, A]` with row index t·A + a, until `keep_learners` leaves out the
+/// rows of a training crowd; the others keep their order. `observations` and `tokens` hold rows
+/// beyond T·A: first the A observations after the last step, then the last observations of
+/// truncated episodes, whose values are needed, too. `fates` and `places` are `[T, A]` always.
 #[derive(Debug)]
 pub struct Rollout {
     n_steps: usize,
@@ -35,10 +35,12 @@ pub struct Rollout {
     /// Intrinsic rewards, without α.
     pub(crate) intrinsic: Vec<f64>,
     fates: Vec<StepFate>,
-    /// Place of the row of a step and an agent among the learners' rows; `None` where nobody learns from it.
+    /// Place of the row of a step and an agent among the learners' rows; `None` where nobody learns
+    /// from it.
     places: Vec<Option<u32>>,
     n_learned: usize,
-    /// Rows whose episode was truncated, with its last observation (kept where truncation is bootstrapped).
+    /// Rows whose episode was truncated, with its last observation (kept where truncation is
+    /// bootstrapped).
     truncated: Vec<(usize, Vec<f32>)>,
     /// V of the observations acted on.
     pub(crate) values: Vec<f64>,
@@ -142,7 +144,8 @@ impl Rollout {
     ///
     /// # Errors
     ///
-    /// [`PpoError::NotFinite`] naming the agent whose observation is not finite; nothing is appended then.
+    /// [`PpoError::NotFinite`] naming the agent whose observation is not finite; nothing is
+    /// appended then.
     pub(crate) fn push_observations(
         &mut self,
         observations: &[f32],
@@ -198,7 +201,8 @@ impl Rollout {
         }
     }
 
-    /// Keeps the last observations of the episodes that the last step cut, so that their values can be had.
+    /// Keeps the last observations of the episodes that the last step cut, so that their values can
+    /// be had.
     pub(crate) fn keep_truncated(&mut self, rooms: &Rooms, encoder: &Encoder) {
         let first = self.fates.len() - self.n_agents;
         for agent in 0..self.n_agents {
@@ -211,8 +215,9 @@ impl Rollout {
         }
     }
 
-    /// Leaves out the rows that nobody learns from, so that all that follows (rewards, advantages, losses) is of the learners'
-    /// rows alone. To be called once all steps are there; without a training crowd nothing is moved.
+    /// Leaves out the rows that nobody learns from, so that all that follows (rewards, advantages,
+    /// losses) is of the learners' rows alone. To be called once all steps are there; without a
+    /// training crowd nothing is moved.
     pub(crate) fn keep_learners(&mut self) {
         let n = self.n_collected();
         if self.n_learned == n {
@@ -246,12 +251,13 @@ impl Rollout {
 
     /// Algorithm 1, line 9, for each agent's own sequence: advantages and the value targets.
     ///
-    /// Where α weighs rewards, of r + α·intrinsic; where it weighs advantages, those of r, normalised, plus α times those of the
-    /// intrinsic rewards, normalised, and targets of r alone.
+    /// Where α weighs rewards, of r + α·intrinsic; where it weighs advantages, those of r,
+    /// normalised, plus α times those of the intrinsic rewards, normalised, and targets of r alone.
     ///
     /// # Shapes
     ///
-    /// `values` is [len + A (+ truncations)], as [`Self::rows_to_value`] orders them; `alphas` [M], one for each behaviour.
+    /// `values` is [len + A (+ truncations)], as [`Self::rows_to_value`] orders them; `alphas` [M],
+    /// one for each behaviour.
     pub(crate) fn estimate_advantages(
         &mut self,
         values: &[f32],
@@ -311,8 +317,9 @@ impl Rollout {
         }
     }
 
-    /// Advantages of each agent's own sequence: `of` gives reward, value and fate of a row with its fate, `last_value` what
-    /// stands behind an agent's last step. A step that nobody learns from ends a sequence: an episode is one's or the other's.
+    /// Advantages of each agent's own sequence: `of` gives reward, value and fate of a row with its
+    /// fate, `last_value` what stands behind an agent's last step. A step that nobody learns from
+    /// ends a sequence: an episode is one's or the other's.
     fn of_sequences(
         &self,
         discounts: (f64, f64),
@@ -411,7 +418,8 @@ mod tests {
         }
     }
 
-    /// The rollout above with agent 1 a member of a crowd in its second step, between two episodes of a learner.
+    /// The rollout above with agent 1 a member of a crowd in its second step, between two episodes
+    /// of a learner.
     fn crowded(garbage: f64) -> Rollout {
         let mut rollout = rollout();
         rollout.observations = [0.0, 1.0, 2.0, garbage as f32, 4.0, 5.0, 6.0, 7.0].to_vec();
@@ -458,7 +466,8 @@ mod tests {
             assert_eq!((&advantages, &returns), (&other.0, &other.1));
             assert_eq!(advantages.len(), 5);
             if weighs == AlphaWeighs::Reward {
-                // Agent 1: a step that ends its episode, then the last step of another, with −1 behind it.
+                // Agent 1: a step that ends its episode, then the last step of another, with −1
+                // behind it.
                 let agent = [0.0 + 0.5 * 0.0 - 1.0, 3.0 + 0.5 * 2.0 + -0.5 - 0.25];
                 assert_eq!([advantages[1], advantages[4]], agent);
                 // Agent 0 as ever: 1 + 0.25 and 2 + 0.125 up to the cut, then −1 with 3 behind it.
@@ -471,7 +480,8 @@ mod tests {
     #[test]
     fn weighed_rewards_are_one_reward() {
         let (found, returns) = advantages(2.0, AlphaWeighs::Reward, 1.0);
-        // γ = 0.5, λ = 1. Agent 0: r + 2·int = 2, 2.5 | −1 with V = 0.5, −0.5 | 1 and 3 behind the last step.
+        // γ = 0.5, λ = 1. Agent 0: r + 2·int = 2, 2.5 | −1 with V = 0.5, −0.5 | 1 and 3 behind the
+        // last step.
         assert_eq!([found[0], found[2], found[4]], [2.0 + 0.5 * 2.5 - 0.5, 2.5 + 0.5, -1.0 + 1.5 - 1.0]);
         assert_eq!(returns[0], found[0] + 0.5);
     }
@@ -499,7 +509,8 @@ mod tests {
         let (task, targets) = advantages(0.0, AlphaWeighs::Reward, 1.0);
         let (found, returns) = advantages(0.25, AlphaWeighs::Advantage, 1.0);
         assert_eq!(returns, targets, "V is the task's");
-        // Discounted intrinsic rewards to the episode's end: agent 0: 0.5 + 0.5·0.25, 0.25 | 0; agent 1: 0 + 0.5·2, 2, 2.
+        // Discounted intrinsic rewards to the episode's end: agent 0: 0.5 + 0.5·0.25, 0.25 | 0;
+        // agent 1: 0 + 0.5·2, 2, 2.
         let mut intrinsic = vec![0.625, 1.0, 0.25, 2.0, 0.0, 2.0];
         let mut expected = task;
         gae::normalise(&mut expected);

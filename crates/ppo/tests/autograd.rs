@@ -52,7 +52,8 @@ fn policy_gradients_are_those_of_autograd() -> Result<()> {
     let mut d_means = [[0.0; 2]; 5];
     let ours = policy_loss(&MEANS, LOG_STD, targets, &[0, 1, 2, 3, 4], WEIGHTS, &mut d_means);
     assert!((ours.loss - f64::from(loss.to_scalar::<f32>()?)).abs() < 1e-6);
-    // Row 0 has ratio 1, where both branches of the minimum are equal and autograd may share the gradient between them.
+    // Row 0 has ratio 1, where both branches of the minimum are equal and autograd may share the
+    // gradient between them.
     assert_close(d_means.as_flattened(), &of(&means)?);
     assert_close(&ours.d_log_std.map(|d| d as f32), &of(&log_std)?);
     Ok(())

@@ -1,7 +1,8 @@
 //! The fast and the reference back end, side by side through 100 updates' learning.
 //!
-//! Rollouts of two trainings part ways as soon as one action differs in its last bit, so both sides learn here from the
-//! same hundred rollouts, drawn from one stream: Algorithm 1's lines 11–26 without the simulator.
+//! Rollouts of two trainings part ways as soon as one action differs in its last bit, so both sides
+//! learn here from the same hundred rollouts, drawn from one stream: Algorithm 1's lines 11–26
+//! without the simulator.
 
 use jostle_diversity::{DiscriminatorShape, cross_entropy, discriminator};
 use jostle_policy::{Backend, Batch, DiagonalGaussian, Network, NetworkConfig, Parameters, actor, critic};
@@ -98,7 +99,8 @@ fn assert_together(name: &str, fast: &mut Side, reference: &mut Side) {
 
 /// Relative difference of any loss on the way.
 const LOSS_BOUND: f64 = 1e-5;
-/// Difference of the parameters in parts of how far they can have gone ([`TRAVEL`]), mean and largest.
+/// Difference of the parameters in parts of how far they can have gone ([`TRAVEL`]), mean and
+/// largest.
 const MEAN_BOUND: f64 = 1e-6;
 const LARGEST_BOUND: f64 = 1e-3;
 

@@ -1,4 +1,5 @@
-//! The promises of a training run: the same bytes at any number of threads, after a resume, on both back ends.
+//! The promises of a training run: the same bytes at any number of threads, after a resume, on both
+//! back ends.
 
 mod common;
 
@@ -33,8 +34,8 @@ fn assert_same(found: &[(String, Vec<u8>)], expected: &[(String, Vec<u8>)], what
     assert!(moved.is_empty(), "{what}: other bytes in {moved:?}");
 }
 
-/// A run that stops after `at` updates and goes on from its checkpoint `half` makes the reports and the checkpoint of the `whole` one, at
-/// any number of threads.
+/// A run that stops after `at` updates and goes on from its checkpoint `half` makes the reports and
+/// the checkpoint of the `whole` one, at any number of threads.
 #[track_caller]
 fn assert_goes_on(
     settings: &[&str],

@@ -1,7 +1,8 @@
-//! Twenty updates at 1, 2 and 8 threads, with one room and with three: the same bytes, part by part.
+//! Twenty updates at 1, 2 and 8 threads, with one room and with three: the same bytes, part by
+//! part.
 //!
-//! When this fails, the message names the update and the part that moved first, in the order in which an update makes
-//! them: rooms before networks, networks before optimisers.
+//! When this fails, the message names the update and the part that moved first, in the order in
+//! which an update makes them: rooms before networks, networks before optimisers.
 
 mod common;
 

@@ -1,4 +1,5 @@
-//! Configurations and checkpoints that were made to mislead: valid in form, impossible in size or content.
+//! Configurations and checkpoints that were made to mislead: valid in form, impossible in size or
+//! content.
 
 mod common;
 

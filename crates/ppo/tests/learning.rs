@@ -24,7 +24,8 @@ fn the_first_minibatch_has_ratio_one() {
 
 #[test]
 fn a_policy_learns_to_reach_its_goal() {
-    // One robot in each of 16 small rooms. With the sign of the surrogate turned round, the second half is worse.
+    // One robot in each of 16 small rooms. With the sign of the surrogate turned round, the second
+    // half is worse.
     let overrides = ["N=1", "M=1", "R=16", "horizon=32", "minibatch=128", "sim.episode.step_limit=64"];
     let mut trainer = trainer(&overrides);
     let reports = run(&mut trainer, 60);
@@ -44,7 +45,8 @@ fn a_policy_learns_to_reach_its_goal() {
 
 #[test]
 fn discriminators_learn_what_tells_tokens_apart() {
-    // The tokens' policies differ from the start (embeddings are N(0, 1)); a small σ makes that visible in actions.
+    // The tokens' policies differ from the start (embeddings are N(0, 1)); a small σ makes that
+    // visible in actions.
     let overrides =
         ["R=8", "network.log_std_init=-4", "discriminator.noise=off", "discriminator.action_scale=10"];
     let mut trainer =

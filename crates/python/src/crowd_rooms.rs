@@ -1,7 +1,8 @@
 //! Rooms to train in: one robot among a crowd in each, with the reward of the decision process.
 //!
-//! They are the rooms of the test (`jostle_arena::room`), one episode after another. What the test does not need is added here:
-//! the reward, which is that of `jostle-sim`, and the observation in which an episode ends.
+//! They are the rooms of the test (`jostle_arena::room`), one episode after another. What the test
+//! does not need is added here: the reward, which is that of `jostle-sim`, and the observation in
+//! which an episode ends.
 
 use std::sync::Arc;
 
@@ -22,7 +23,8 @@ use crate::settings::Settings;
 pub struct RoomStep {
     /// The environment's reward.
     pub reward: f32,
-    /// Distance from the robot's outline to the nearest pedestrian, obstacle or wall after the step, m.
+    /// Distance from the robot's outline to the nearest pedestrian, obstacle or wall after the
+    /// step, m.
     pub clearance: f32,
     /// The episode, where it ended.
     pub end: Option<EpisodeEnd>,
@@ -37,12 +39,13 @@ pub struct EpisodeEnd {
     pub min_clearance: f32,
 }
 
-/// The snapshot with which other rooms go on where these were: their settings, and the actions of each since its episode began.
-/// They are deterministic, so that this is all of their state.
+/// The snapshot with which other rooms go on where these were: their settings, and the actions of
+/// each since its episode began. They are deterministic, so that this is all of their state.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Snapshot {
-    /// Hash of everything that an episode depends on but seed and index: settings, crowd, the pedestrians' policies.
+    /// Hash of everything that an episode depends on but seed and index: settings, crowd, the
+    /// pedestrians' policies.
     settings: String,
     rooms: Vec<RoomSnapshot>,
 }
@@ -83,8 +86,8 @@ pub struct CrowdRooms {
     courses: Vec<Course>,
 }
 
-/// The root seed of the episodes that one trains in with a seed. It differs from the seed itself, so that nobody trains in
-/// the episodes of a test of the same seed without meaning to.
+/// The root seed of the episodes that one trains in with a seed. It differs from the seed itself,
+/// so that nobody trains in the episodes of a test of the same seed without meaning to.
 pub fn training_seed(seed: u64) -> u64 {
     Streams::new(seed).stream("python.training", &[]).next_u64()
 }
@@ -145,11 +148,13 @@ impl CrowdRooms {
         }
     }
 
-    /// Goes to where other rooms were when their snapshot was taken, by driving through their present episodes again.
+    /// Goes to where other rooms were when their snapshot was taken, by driving through their
+    /// present episodes again.
     ///
     /// # Errors
     ///
-    /// A snapshot of another number of rooms, of other settings or other policies; nothing is changed then.
+    /// A snapshot of another number of rooms, of other settings or other policies; nothing is
+    /// changed then.
     pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), EvalError> {
         let refuse =
             |found: String, expected: String| Err(EvalError::Setting { field: "snapshot", found, expected });
@@ -202,12 +207,13 @@ impl CrowdRooms {
         self.begin(i, self.courses[i].seed, self.rooms[i].episode() + 1)
     }
 
-    /// One control period of every room; rooms whose episode ends have to be begun anew before the next. What the robots
-    /// see then, also at an episode's end, is in [`Self::rooms`].
+    /// One control period of every room; rooms whose episode ends have to be begun anew before the
+    /// next. What the robots see then, also at an episode's end, is in [`Self::rooms`].
     ///
     /// # Errors
     ///
-    /// Actions that are not finite and rooms whose episode has ended are refused before anything moves.
+    /// Actions that are not finite and rooms whose episode has ended are refused before anything
+    /// moves.
     pub fn step(&mut self, actions: &[[f32; 2]]) -> Result<Vec<RoomStep>, EvalError> {
         self.check(actions)?;
         let ends = self.stepper.step_with(&self.plan, &mut *self.crowd, &mut self.rooms, actions)?;
@@ -274,8 +280,8 @@ impl CrowdRooms {
     }
 }
 
-/// The least and the largest observation row: scans within ±½, the goal nowhere farther than the room's diagonal, and
-/// the robot's speeds.
+/// The least and the largest observation row: scans within ±½, the goal nowhere farther than the
+/// room's diagonal, and the robot's speeds.
 pub fn bounds(sim: &jostle_sim::SimConfig, scenario: &Scenario) -> [Vec<f32>; 2] {
     let (min, max) = scenario.walls;
     let reach = min.distance(max);

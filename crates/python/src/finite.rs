@@ -1,4 +1,5 @@
-//! The gate before a policy: no number that is none reaches it, as its answer would look like any other.
+//! The gate before a policy: no number that is none reaches it, as its answer would look like any
+//! other.
 
 use jostle_sim::EXTRAS;
 

@@ -1,13 +1,15 @@
 //! The extension module under the Python package `jostle`: rooms to train in and to be tested in.
 //!
-//! Reading order: [`settings`] (what a Python caller may set), [`crowd_rooms`] (a robot among a crowd, many rooms at once),
-//! [`robot_rooms`] (several robots in one room), [`picture`] (either from above), [`finite`] (the gate before a policy),
-//! [`threads`] (a process that was forked); with the feature `extension`,
-//! `extension` (the classes that Python sees). The Python side is in `python/jostle`.
+//! Reading order: [`settings`] (what a Python caller may set), [`crowd_rooms`] (a robot among a
+//! crowd, many rooms at once), [`robot_rooms`] (several robots in one room), [`picture`] (either
+//! from above), [`finite`] (the gate before a policy), [`threads`] (a process that was forked);
+//! with the feature `extension`, `extension` (the classes that Python sees). The Python side is in
+//! `python/jostle`.
 //!
-//! Architecture invariants: what these rooms do is decided in `jostle-sim`, `jostle-peds` and `jostle-eval` alone; arrays
-//! belong to Python, and each row is written into them once, in place: there is no array in between, and no memory is
-//! shared that Python could change under a running room.
+//! Architecture invariants: what these rooms do is decided in `jostle-sim`, `jostle-peds` and
+//! `jostle-eval` alone; arrays belong to Python, and each row is written into them once, in place:
+//! there is no array in between, and no memory is shared that Python could change under a running
+//! room.
 
 #![forbid(unsafe_code)]
 

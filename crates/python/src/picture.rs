@@ -1,5 +1,5 @@
-//! A room from above as an image: what `render_mode="rgb_array"` gives. No drawing library: every pixel is asked whether its
-//! centre lies in a shape.
+//! A room from above as an image: what `render_mode="rgb_array"` gives. No drawing library: every
+//! pixel is asked whether its centre lies in a shape.
 
 use glam::Vec2;
 use jostle_sim::{Pose, Scenario, Shape};
@@ -107,7 +107,8 @@ impl Painter {
     fn fill(&mut self, middle: Vec2, reach: f32, colour: Colour, inside: impl Fn(Vec2) -> bool) {
         let scale = self.pixels_per_metre;
         let place = (middle - self.corner) * Vec2::new(scale, -scale) + WALL as f32;
-        // A cast of a negative number or of one that is not finite gives 0 or the largest: an empty range, or the edge.
+        // A cast of a negative number or of one that is not finite gives 0 or the largest: an empty
+        // range, or the edge.
         let range = |at: f32, most: usize| {
             ((at - reach * scale).floor() as usize).min(most)
                 ..((at + reach * scale).ceil() as usize).min(most)

@@ -1,7 +1,9 @@
-//! Several robots in one room, all of whose episodes begin together: what `PettingZoo` calls a parallel environment.
+//! Several robots in one room, all of whose episodes begin together: what `PettingZoo` calls a
+//! parallel environment.
 //!
-//! The room is that of training (`jostle_sim::Rooms`), but for one thing: a robot whose episode has ended is not placed anew.
-//! It leaves the room with its body, and the others go on until the last has left.
+//! The room is that of training (`jostle_sim::Rooms`), but for one thing: a robot whose episode has
+//! ended is not placed anew. It leaves the room with its body, and the others go on until the last
+//! has left.
 
 use jostle_sim::{Rooms, Scenario, Shape, SimConfig, SimError, Streams, Transition, Whereabouts, maps};
 use serde::{Deserialize, Serialize};
@@ -22,7 +24,8 @@ pub struct RobotRoom {
     actions: Vec<Vec<[f32; 2]>>,
 }
 
-/// The snapshot with which a room goes on where another was: it is deterministic, so that this is all of its state.
+/// The snapshot with which a room goes on where another was: it is deterministic, so that this is
+/// all of its state.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Snapshot {
@@ -54,13 +57,15 @@ impl RobotRoom {
         })
     }
 
-    /// The snapshot with which another room goes on as this one does. `settings` tells its configuration from others.
+    /// The snapshot with which another room goes on as this one does. `settings` tells its
+    /// configuration from others.
     pub fn snapshot(&self, settings: String) -> Snapshot {
         let (seed, n_agents, n_behaviours) = (self.seed, self.present.len(), self.n_behaviours);
         Snapshot { settings, seed, n_agents, n_behaviours, actions: self.actions.clone() }
     }
 
-    /// The room where another was when its snapshot was taken, by driving through its episodes again.
+    /// The room where another was when its snapshot was taken, by driving through its episodes
+    /// again.
     ///
     /// # Errors
     ///
@@ -116,7 +121,8 @@ impl RobotRoom {
         &self.present
     }
 
-    /// A robot's observation, or its last when its episode ended in the last step. The row of one that left before means nothing.
+    /// A robot's observation, or its last when its episode ended in the last step. The row of one
+    /// that left before means nothing.
     pub fn observation(&self, agent: usize) -> &[f32] {
         if self.rooms.transitions()[agent].end.is_running() {
             let width = self.rooms.config().observation_len();
@@ -125,8 +131,8 @@ impl RobotRoom {
         self.rooms.final_observation(agent)
     }
 
-    /// One control period. Robots whose episode ends in it leave the room. The actions of robots that have left are not
-    /// looked at.
+    /// One control period. Robots whose episode ends in it leave the room. The actions of robots
+    /// that have left are not looked at.
     ///
     /// # Errors
     ///

@@ -1,4 +1,5 @@
-//! The settings of a Python caller: a training file, keys of it, the crowd, the number of pedestrians, who sees the robot.
+//! The settings of a Python caller: a training file, keys of it, the crowd, the number of
+//! pedestrians, who sees the robot.
 
 use std::path::{Path, PathBuf};
 
@@ -15,7 +16,8 @@ use jostle_sim::{SimConfig, SimError};
 pub struct RecordingFile {
     /// The file.
     pub path: PathBuf,
-    /// Time between two annotated frames of a person (s); that of the file, else 0.4, where it is absent.
+    /// Time between two annotated frames of a person (s); that of the file, else 0.4, where it is
+    /// absent.
     pub interval: Option<f64>,
     /// Longest gap that is bridged (s); none where it is absent.
     pub max_gap: Option<f64>,
@@ -35,9 +37,9 @@ pub struct Settings {
 impl Settings {
     /// Settings for a crowd.
     ///
-    /// `base` is the training configuration, of which the simulator and the number of agents are taken;
-    /// `n_pedestrians` and `robot_visible` override its number and the crowd's row of the visibility matrix. `pools` drive
-    /// the pedestrians.
+    /// `base` is the training configuration, of which the simulator and the number of agents are
+    /// taken; `n_pedestrians` and `robot_visible` override its number and the crowd's row of the
+    /// visibility matrix. `pools` drive the pedestrians.
     ///
     /// # Errors
     ///
@@ -66,12 +68,13 @@ impl Settings {
         Ok(Self { config, crowd, pools })
     }
 
-    /// The settings with the people of a file in them, who take the room and its number of pedestrians with them.
+    /// The settings with the people of a file in them, who take the room and its number of
+    /// pedestrians with them.
     ///
     /// # Errors
     ///
-    /// Another crowd than the recorded one; a number of pedestrians; a file that is no recording; a room without a place for the
-    /// robot.
+    /// Another crowd than the recorded one; a number of pedestrians; a file that is no recording; a
+    /// room without a place for the robot.
     pub fn with_recording(
         mut self,
         file: &RecordingFile,
@@ -94,7 +97,8 @@ impl Settings {
     }
 }
 
-/// Reads a training configuration, or the paper's where there is no file, and applies `key=value` overrides.
+/// Reads a training configuration, or the paper's where there is no file, and applies `key=value`
+/// overrides.
 ///
 /// # Errors
 ///
@@ -112,7 +116,8 @@ pub fn base(file: Option<&Path>, overrides: &[String]) -> Result<Config, PpoErro
 ///
 /// As [`Config::parse`].
 pub fn trained(mut sim: SimConfig, n_agents: usize, overrides: &[String]) -> Result<Config, PpoError> {
-    // The text that the overrides are applied to lies in no folder, from which a relative path could start.
+    // The text that the overrides are applied to lies in no folder, from which a relative path
+    // could start.
     let absolute = |map: PathBuf| std::path::absolute(&map).unwrap_or(map);
     sim.room.map = sim.room.map_file().map(absolute);
     // Nothing is learned here: a minibatch of one fits to any number of agents.

@@ -1,5 +1,5 @@
-//! Forks and threads. A forked process has the memory of its parent's thread pool and none of its threads: whoever waits
-//! for them waits for ever. Better to say so.
+//! Forks and threads. A forked process has the memory of its parent's thread pool and none of its
+//! threads: whoever waits for them waits for ever. Better to say so.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -8,7 +8,8 @@ static OWNER: AtomicU32 = AtomicU32::new(0);
 
 /// Refuses work for several threads in a process whose threads were lost in a fork.
 ///
-/// To be called before every use of the pool, also by work for one thread alone, which may start the pool all the same.
+/// To be called before every use of the pool, also by work for one thread alone, which may start
+/// the pool all the same.
 ///
 /// # Errors
 ///

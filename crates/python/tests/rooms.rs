@@ -161,7 +161,8 @@ fn clones_and_snapshots_go_on_bit_for_bit() {
     for crowd in [CrowdKind::Vo, CrowdKind::Sf, CrowdKind::StopAndGo] {
         let mut original = rooms(crowd, 2);
         let mut others: Vec<CrowdRooms> = Vec::new();
-        // A goal is at least 95 steps away and the time limit is 400: within 800 steps each of two rooms ends an episode or more.
+        // A goal is at least 95 steps away and the time limit is 400: within 800 steps each of two
+        // rooms ends an episode or more.
         let mut ends = Vec::new();
         for step in 0..800 {
             if step % 50 == 10 {
@@ -190,7 +191,8 @@ fn clones_and_snapshots_go_on_bit_for_bit() {
                 }
             }
         }
-        // At a goal or a crash, with copies that were made before and that went through it: not only at the time limit.
+        // At a goal or a crash, with copies that were made before and that went through it: not
+        // only at the time limit.
         let n_early = ends.iter().filter(|outcome| **outcome != Outcome::Timeout).count();
         assert!(ends.len() >= 4 && n_early > 0, "{crowd}: {ends:?}");
     }

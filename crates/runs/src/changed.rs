@@ -1,10 +1,12 @@
-//! A policy's room with some of its keys changed: `--set` of the commands that test and show policies.
+//! A policy's room with some of its keys changed: `--set` of the commands that test and show
+//! policies.
 
 use anyhow::{Context as _, Result, bail};
 use jostle_ppo::Config;
 use jostle_sim::SimConfig;
 
-/// The room of a policy with these changes: each the dotted key of a training file and a value, such as `sim.robot.dynamics=rapier`.
+/// The room of a policy with these changes: each the dotted key of a training file and a value,
+/// such as `sim.robot.dynamics=rapier`.
 ///
 /// # Errors
 ///

@@ -7,7 +7,8 @@ use jostle_arena::ArenaError;
 /// Why a path leads to no policy.
 #[derive(Debug, thiserror::Error)]
 pub enum RunsError {
-    /// A file or folder cannot be read. The message holds the system's reason, which is therefore not handed on as a source.
+    /// A file or folder cannot be read. The message holds the system's reason, which is therefore
+    /// not handed on as a source.
     #[error("{}: cannot {action}: {reason}", path.display())]
     Io {
         /// The file or folder.

@@ -1,7 +1,9 @@
-//! The keys of a training configuration: its JSON Schema, made from its types, and a configuration's settings key by key.
+//! The keys of a training configuration: its JSON Schema, made from its types, and a
+//! configuration's settings key by key.
 //!
-//! The schema is what the types in `ppo`, `sim` and `diversity` say of themselves: comments, defaults, units, bounds. A test of
-//! the command `config` holds the bounds to what the configuration's own checks accept.
+//! The schema is what the types in `ppo`, `sim` and `diversity` say of themselves: comments,
+//! defaults, units, bounds. A test of the command `config` holds the bounds to what the
+//! configuration's own checks accept.
 
 use std::collections::BTreeMap;
 
@@ -38,8 +40,8 @@ impl Key {
     }
 }
 
-/// The JSON Schema of a configuration (draft 2020-12): every key with its comment, its bounds, its default. `unit` and `origin`
-/// are our own words: no validator needs them.
+/// The JSON Schema of a configuration (draft 2020-12): every key with its comment, its bounds, its
+/// default. `unit` and `origin` are our own words: no validator needs them.
 ///
 /// # Errors
 /// Types that give no schema of the form that is described here: a mistake in their attributes.
@@ -54,7 +56,8 @@ fn generated(mut settings: SchemaSettings) -> Value {
     settings.into_generator().into_root_schema_for::<Config>().to_value()
 }
 
-/// All keys: those that are always stored in the order of their types, then the others by name; each section before its own.
+/// All keys: those that are always stored in the order of their types, then the others by name;
+/// each section before its own.
 ///
 /// # Errors
 /// As [`schema`].
@@ -81,7 +84,8 @@ fn list(schema: &Value, raw: &Value, stored: &Value, prefix: &str, keys: &mut Ve
     }
 }
 
-/// The part of a schema beside null, if it accepts null: an option is left out of a file, for TOML has no null.
+/// The part of a schema beside null, if it accepts null: an option is left out of a file, for TOML
+/// has no null.
 fn without_null(schema: &Value) -> Option<&Value> {
     let is_null = |schema: &Value| schema["type"] == "null";
     if let Some(choices) = schema["anyOf"].as_array() {
@@ -91,8 +95,9 @@ fn without_null(schema: &Value) -> Option<&Value> {
     schema["type"].as_array().is_some_and(|types| types.iter().any(|kind| kind == "null")).then_some(schema)
 }
 
-/// Makes a generated schema what a reader of configurations wants: no null, a choice of documented words as `enum`, numbers in the
-/// digits of their own precision, comments on one line, no defaults of whole sections.
+/// Makes a generated schema what a reader of configurations wants: no null, a choice of documented
+/// words as `enum`, numbers in the digits of their own precision, comments on one line, no defaults
+/// of whole sections.
 fn simplify(schema: &mut Value) -> Result<()> {
     if let Some(inner) = without_null(schema) {
         let mut inner = inner.clone();
@@ -145,7 +150,8 @@ fn in_own_digits(entry: &mut Map<String, Value>) {
     }
 }
 
-/// The default of every key that has one, as TOML, by its dotted key. Keys of a section that is off are not among them.
+/// The default of every key that has one, as TOML, by its dotted key. Keys of a section that is off
+/// are not among them.
 ///
 /// # Errors
 /// As [`schema`].
@@ -159,7 +165,8 @@ pub fn defaults() -> Result<BTreeMap<String, String>> {
     Ok(keys.iter().filter(|key| !is_off(key)).filter_map(of).collect())
 }
 
-/// Every setting by its dotted key, those that are not stored because they have their default among them.
+/// Every setting by its dotted key, those that are not stored because they have their default among
+/// them.
 ///
 /// # Errors
 /// As [`schema`].

@@ -1,4 +1,5 @@
-//! A training run as its folder tells it: configuration and update reports, read without disturbing who writes them.
+//! A training run as its folder tells it: configuration and update reports, read without disturbing
+//! who writes them.
 
 use std::path::{Path, PathBuf};
 
@@ -79,7 +80,8 @@ impl RunLog {
         &self.reports[end.saturating_sub(window)..end]
     }
 
-    /// Share of training episodes that reached their goal in the `window` updates up to `end`; `None` without episodes.
+    /// Share of training episodes that reached their goal in the `window` updates up to `end`;
+    /// `None` without episodes.
     pub fn success(&self, end: usize, window: usize) -> Option<f64> {
         let counts = self.episodes(end, window);
         (counts.ended > 0).then(|| counts.success as f64 / counts.ended as f64)
@@ -107,7 +109,8 @@ impl RunLog {
         (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
     }
 
-    /// The text that tells this run apart from others but its seed: runs that agree in it are repetitions.
+    /// The text that tells this run apart from others but its seed: runs that agree in it are
+    /// repetitions.
     pub fn recipe(&self) -> String {
         Config { seed: 0, ..self.config.clone() }.hash()
     }

@@ -52,7 +52,8 @@ pub struct Repair {
 /// Cuts a log of `{"update": 1, …}`, `{"update": 2, …}` … back to its first `updates` lines.
 ///
 /// # Errors
-/// When a line that must stay is missing, damaged or out of order: a curve with a hole would look like a whole one.
+/// When a line that must stay is missing, damaged or out of order: a curve with a hole would look
+/// like a whole one.
 pub fn truncate_log(path: &Path, updates: u64) -> Result<Repair> {
     let bytes = match std::fs::read(path) {
         Ok(bytes) => bytes,

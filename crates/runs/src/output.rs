@@ -34,8 +34,8 @@ pub fn note(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
-/// The chain of an error, outermost first, as one line. A cause that the message before it tells already, as the errors of some
-/// libraries do, is not told again.
+/// The chain of an error, outermost first, as one line. A cause that the message before it tells
+/// already, as the errors of some libraries do, is not told again.
 pub fn one_line(error: &anyhow::Error) -> String {
     let mut line = String::new();
     for cause in error.chain().map(ToString::to_string) {

@@ -1,4 +1,5 @@
-//! The search for policies: a checkpoint file, a run folder, or a folder of either; and other drivers of the robot.
+//! The search for policies: a checkpoint file, a run folder, or a folder of either; and other
+//! drivers of the robot.
 
 use std::path::{Path, PathBuf};
 
@@ -9,7 +10,8 @@ use jostle_policy::{nearest, offer};
 use crate::error::RunsError;
 use crate::folder::{checkpoint_path, is_run_folder, latest_checkpoint, run_of, sorted};
 
-/// Folders in which a name without a folder is looked for when nothing of that name is here, to offer what was meant.
+/// Folders in which a name without a folder is looked for when nothing of that name is here, to
+/// offer what was meant.
 const USUAL: [&str; 2] = ["runs", "checkpoints"];
 
 /// The checkpoint that a path means: the file itself, or a run's newest.
@@ -21,8 +23,9 @@ pub fn checkpoint(path: &Path) -> Result<PathBuf, RunsError> {
     checkpoint_or(path, "a checkpoint file or a run folder", &[])
 }
 
-/// As [`checkpoint`], where names could stand instead of a path: a path that leads nowhere is answered with the nearest of
-/// `names` and of the checkpoints and runs beside it. `expected` says what could stand there.
+/// As [`checkpoint`], where names could stand instead of a path: a path that leads nowhere is
+/// answered with the nearest of `names` and of the checkpoints and runs beside it. `expected` says
+/// what could stand there.
 ///
 /// # Errors
 ///
@@ -40,8 +43,8 @@ pub fn checkpoint_or(path: &Path, expected: &'static str, names: &[&str]) -> Res
     Ok(path.to_owned())
 }
 
-/// The driver of the robot: a planner by its name, or the checkpoint that a path means. `dwa` is the planner whatever lies here,
-/// `./dwa` a path.
+/// The driver of the robot: a planner by its name, or the checkpoint that a path means. `dwa` is
+/// the planner whatever lies here, `./dwa` a path.
 ///
 /// # Errors
 ///
@@ -55,7 +58,8 @@ pub fn driver(path: &Path) -> Result<Driver, RunsError> {
     Ok(Driver::Trained(Box::new(load(&checkpoint_or(path, expected, &names)?)?)))
 }
 
-/// Reads a checkpoint; a run's is called by its folder, as the file's own name is only a count of updates.
+/// Reads a checkpoint; a run's is called by its folder, as the file's own name is only a count of
+/// updates.
 ///
 /// # Errors
 ///
@@ -68,8 +72,8 @@ pub fn load(path: &Path) -> Result<LoadedPolicy, RunsError> {
     Ok(policy)
 }
 
-/// The checkpoints of a pool: each path is a file, a run folder, or a folder of files or run folders (taken in the order
-/// of their names).
+/// The checkpoints of a pool: each path is a file, a run folder, or a folder of files or run
+/// folders (taken in the order of their names).
 ///
 /// # Errors
 ///
@@ -92,8 +96,8 @@ pub fn pool(paths: &[PathBuf]) -> Result<Vec<PathBuf>, RunsError> {
     Ok(found)
 }
 
-/// The same policies at half their training, where the runs that they belong to have kept that checkpoint. `option` is what
-/// names half-trained policies where this is called from.
+/// The same policies at half their training, where the runs that they belong to have kept that
+/// checkpoint. `option` is what names half-trained policies where this is called from.
 ///
 /// # Errors
 ///
@@ -110,7 +114,8 @@ pub fn half_trained(pool: &[PathBuf], option: &'static str) -> Result<Vec<PathBu
     pool.iter().map(half).collect()
 }
 
-/// The pedestrians' policies, as far as the crowds ask for them: SO takes `half`, or the pool's own half-trained checkpoints.
+/// The pedestrians' policies, as far as the crowds ask for them: SO takes `half`, or the pool's own
+/// half-trained checkpoints.
 ///
 /// # Errors
 ///
@@ -139,8 +144,8 @@ fn is_policy(path: &Path) -> bool {
     is_run_folder(path) || path.extension().is_some_and(|extension| extension == "safetensors")
 }
 
-/// The nearest names to a path that leads nowhere: of `names`, and of the checkpoints and runs in its folder (for a name
-/// without a folder, in the usual ones as well).
+/// The nearest names to a path that leads nowhere: of `names`, and of the checkpoints and runs in
+/// its folder (for a name without a folder, in the usual ones as well).
 fn hint(path: &Path, names: &[&str]) -> String {
     let Some(wanted) = stem(path) else { return String::new() };
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
@@ -151,7 +156,8 @@ fn hint(path: &Path, names: &[&str]) -> String {
     let mut known: Vec<(String, String)> =
         names.iter().map(|name| ((*name).into(), (*name).into())).collect();
     for folder in folders {
-        // A folder that cannot be listed has nothing to offer; the error at hand is the one to report.
+        // A folder that cannot be listed has nothing to offer; the error at hand is the one to
+        // report.
         for entry in sorted(&folder).unwrap_or_default().iter().filter(|entry| is_policy(entry)) {
             let shown = entry.strip_prefix(".").unwrap_or(entry).display().to_string();
             known.extend(stem(entry).map(|stem| (stem, shown)));
@@ -162,7 +168,8 @@ fn hint(path: &Path, names: &[&str]) -> String {
     offer(&shown.collect::<Vec<_>>())
 }
 
-/// The part of a path that tells it from its siblings: its last part, without the ending that all checkpoints have.
+/// The part of a path that tells it from its siblings: its last part, without the ending that all
+/// checkpoints have.
 fn stem(path: &Path) -> Option<String> {
     let name = path.file_name()?.to_str()?;
     Some(name.strip_suffix(".safetensors").unwrap_or(name).to_owned())
@@ -230,7 +237,8 @@ mod tests {
             message.starts_with("crowd SO needs") && message.ends_with("name another with --half"),
             "{message}"
         );
-        // Neither does a file outside a run stand for itself, nor one that is not called by its updates.
+        // Neither does a file outside a run stand for itself, nor one that is not called by its
+        // updates.
         for file in ["000004.safetensors", "kept/checkpoints/best.safetensors"] {
             let file = folder.path().join(file);
             fs::write(&file, "").unwrap();

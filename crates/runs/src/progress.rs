@@ -1,5 +1,5 @@
-//! Progress of a long job: a bar with rate and remaining time on a terminal, a plain line every few seconds otherwise.
-//! Everything here goes to standard error; nothing here touches a result.
+//! Progress of a long job: a bar with rate and remaining time on a terminal, a plain line every few
+//! seconds otherwise. Everything here goes to standard error; nothing here touches a result.
 
 use std::io::IsTerminal as _;
 use std::time::{Duration, Instant};

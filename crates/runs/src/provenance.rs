@@ -5,19 +5,20 @@ use std::sync::OnceLock;
 
 static STAMP: OnceLock<&str> = OnceLock::new();
 
-/// Sets what [`commit`] answers: the stamp that the program's build script gave it. The first call counts.
+/// Sets what [`commit`] answers: the stamp that the program's build script gave it. The first call
+/// counts.
 pub fn set_stamp(stamp: &'static str) {
     STAMP.get_or_init(|| stamp);
 }
 
-/// The commit that the program was built from, with `-dirty` where the sources differed from it; `unknown` for a program that was built
-/// outside a checkout.
+/// The commit that the program was built from, with `-dirty` where the sources differed from it;
+/// `unknown` for a program that was built outside a checkout.
 pub fn commit() -> &'static str {
     STAMP.get().copied().unwrap_or("unknown")
 }
 
-/// The root of the checkout: the nearest one at or above the working directory, else the one that the program was built in, whether or
-/// not it is still there.
+/// The root of the checkout: the nearest one at or above the working directory, else the one that
+/// the program was built in, whether or not it is still there.
 pub fn workspace() -> &'static Path {
     static ROOT: OnceLock<PathBuf> = OnceLock::new();
     ROOT.get_or_init(|| {

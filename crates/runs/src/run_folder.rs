@@ -9,7 +9,8 @@
 //! DIR/lock                         held while a process works here; says on which machine
 //! ```
 //!
-//! The lock is the operating system's advisory file lock: it dies with its process, also by `kill -9`.
+//! The lock is the operating system's advisory file lock: it dies with its process, also by `kill
+//! -9`.
 
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::Write as _;
@@ -34,11 +35,12 @@ pub struct RunFolder {
 }
 
 impl RunFolder {
-    /// Locks the folder at `path`, which is created if it is not there. With `wait` the end of another process that works there
-    /// is waited for, however long that takes.
+    /// Locks the folder at `path`, which is created if it is not there. With `wait` the end of
+    /// another process that works there is waited for, however long that takes.
     ///
     /// # Errors
-    /// When the folder cannot be written, another process works in it (without `wait`), or it holds files but no run.
+    /// When the folder cannot be written, another process works in it (without `wait`), or it holds
+    /// files but no run.
     pub fn open(path: &Path, wait: bool) -> Result<Self> {
         let shown = path.display();
         fs::create_dir_all(path).with_context(|| format!("cannot create the run folder {shown}"))?;
@@ -66,7 +68,8 @@ impl RunFolder {
                     if !std::mem::replace(&mut told, true) {
                         note(&format!("{shown}: waiting for the process that works there{}", holder(path)));
                     }
-                    // Not `lock()`: over a network it may sleep through a lock that is lost with its machine.
+                    // Not `lock()`: over a network it may sleep through a lock that is lost with
+                    // its machine.
                     std::thread::sleep(LOCK_INTERVAL);
                 }
                 Err(TryLockError::WouldBlock) => {
@@ -144,7 +147,8 @@ pub fn latest_update(folder: &Path) -> Result<Option<u64>> {
 pub fn is_locked(folder: &Path) -> Result<bool> {
     let path = folder.join(LOCK);
     match File::open(&path) {
-        // A shared lock that is given back at once: it is refused while the run's own process is alive.
+        // A shared lock that is given back at once: it is refused while the run's own process is
+        // alive.
         Ok(file) => match file.try_lock_shared() {
             Ok(()) => Ok(false),
             Err(TryLockError::WouldBlock) => Ok(true),
@@ -227,8 +231,8 @@ fn list_checkpoints(folder: &Path) -> Result<Vec<(u64, PathBuf)>> {
     Ok(found)
 }
 
-/// True where the folder holds anything but what a start that was killed early leaves behind: a lock, an empty folder for
-/// checkpoints, half a configuration.
+/// True where the folder holds anything but what a start that was killed early leaves behind: a
+/// lock, an empty folder for checkpoints, half a configuration.
 fn holds_foreign_files(path: &Path) -> Result<bool> {
     let early = [LOCK.to_owned(), CHECKPOINTS.to_owned(), temporary_name(CONFIG)];
     for entry in fs::read_dir(path).with_context(|| format!("cannot list {}", path.display()))? {
@@ -246,7 +250,8 @@ fn temporary_name(name: &str) -> String {
     format!("{name}.tmp")
 }
 
-/// Removes what processes that were killed left behind: they cannot be at work, as the folder is locked.
+/// Removes what processes that were killed left behind: they cannot be at work, as the folder is
+/// locked.
 fn remove_leftovers(path: &Path) -> Result<()> {
     let mut leftovers = vec![path.join(temporary_name(CONFIG)), path.join(temporary_name(LATEST))];
     for folder in [path.join(CHECKPOINTS), path.join(MILESTONES)].iter().filter(|folder| folder.is_dir()) {

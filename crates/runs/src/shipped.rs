@@ -1,7 +1,8 @@
 //! Files that come with the program: configurations, maps, policies.
 //!
-//! In a checkout they are the checkout's. Elsewhere the program brings those that it was built with ([`set_embedded`]) and unpacks
-//! them into the user's cache folder, so that whatever takes a path takes them, too.
+//! In a checkout they are the checkout's. Elsewhere the program brings those that it was built with
+//! ([`set_embedded`]) and unpacks them into the user's cache folder, so that whatever takes a path
+//! takes them, too.
 
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -31,8 +32,8 @@ pub fn set_embedded(files: &'static [Embedded]) {
     EMBEDDED.get_or_init(|| files);
 }
 
-/// The path of a shipped file or folder, such as `configs/strong.toml` or `checkpoints`: the checkout's, else the program's own, which
-/// are unpacked.
+/// The path of a shipped file or folder, such as `configs/strong.toml` or `checkpoints`: the
+/// checkout's, else the program's own, which are unpacked.
 ///
 /// # Errors
 /// Neither a checkout nor the program has it; the cache folder cannot be written.
@@ -63,7 +64,8 @@ fn is_embedded(path: &str) -> bool {
     embedded().iter().any(|file| file.path == path || file.path.starts_with(&below))
 }
 
-/// The configuration that a word of the command line means: a file, or the name of a shipped one, such as `strong`.
+/// The configuration that a word of the command line means: a file, or the name of a shipped one,
+/// such as `strong`.
 ///
 /// # Errors
 /// A name that is no shipped one's, without a file of that name.

@@ -1,4 +1,5 @@
-//! Programs that a command may want and the workspace does not: found on the path, or installed once with cargo.
+//! Programs that a command may want and the workspace does not: found on the path, or installed
+//! once with cargo.
 
 use std::path::PathBuf;
 use std::process::Command;
@@ -16,8 +17,9 @@ pub struct Tool {
     pub version: &'static str,
 }
 
-/// Draws SVG (<https://github.com/linebender/resvg>). As a library it would bring some thirty crates into every build,
-/// and other features of crates that the networks are built on, for pictures that few ask for.
+/// Draws SVG (<https://github.com/linebender/resvg>). As a library it would bring some thirty
+/// crates into every build, and other features of crates that the networks are built on, for
+/// pictures that few ask for.
 pub const RESVG: Tool = Tool { name: "resvg", version: "0.49.0" };
 
 /// Makes a book of Markdown (<https://github.com/rust-lang/mdBook>).

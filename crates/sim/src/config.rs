@@ -215,9 +215,9 @@ pub struct BaseConfig {
     /// Friction of wheels on the ground, and of the body along what it touches. Default 0.5 (URDF).
     #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 10.0)))]
     pub friction: f32,
-    /// Largest torque of a wheel at rest, N·m; it falls in a straight line to none at `motor_speed`.
-    /// Default 24.5 (data sheet: such a motor's most power, a quarter of torque times speed, is 125 W
-    /// a wheel).
+    /// Largest torque of a wheel at rest, N·m; it falls in a straight line to none at
+    /// `motor_speed`. Default 24.5 (data sheet: such a motor's most power, a quarter of torque
+    /// times speed, is 125 W a wheel).
     #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 1_000_000.0, "unit" = "N·m")))]
     pub motor_torque: f32,
     /// Turning speed of a wheel that nothing holds, rad/s. Default 20.41 (data sheet: 2 m/s).
@@ -227,7 +227,8 @@ pub struct BaseConfig {
     /// while a base turns. Default 1.5 (control).
     #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 10.0)))]
     pub turn_gain: f32,
-    /// Time from a command until the motors heed it, s. Default 0.02 (control: one period at 50 Hz).
+    /// Time from a command until the motors heed it, s. Default 0.02 (control: one period at 50
+    /// Hz).
     #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "maximum" = 10.0, "unit" = "s")))]
     pub latency: f32,
 }
@@ -287,7 +288,8 @@ pub struct AccelerationLimits {
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct LaserConfig {
-    /// Number of beams, evenly spaced over the angle of view; a network that learns takes 3 or more.
+    /// Number of beams, evenly spaced over the angle of view; a network that learns takes 3 or
+    /// more.
     #[cfg_attr(feature = "schema", schemars(extend("minimum" = 3, "maximum" = 8192)))]
     pub beams: usize,
     /// A beam that meets nothing within this distance reads exactly this, m.

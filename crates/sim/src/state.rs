@@ -1,7 +1,8 @@
 //! The whole state of [`Rooms`] as plain numbers: what a checkpoint keeps.
 //!
 //! Poses, with the velocities and commands of robots that have mass, episodes, tokens, observation
-//! rows (they hold the scans of the past) and the position of every random stream. Nothing else has a memory, so a restored batch goes on bit for bit.
+//! rows (they hold the scans of the past) and the position of every random stream. Nothing else has
+//! a memory, so a restored batch goes on bit for bit.
 
 use crate::dynamics::DriveState;
 use crate::error::SimError;

@@ -8,10 +8,10 @@
 //! pass through. So rapier keeps the scene (position-based kinematic bodies with colliders) and
 //! parry decides on overlaps, but no velocity solver runs.
 //!
-//! Architecture invariant: the poses, and where there are bases their [`DriveState`]s, are the whole
-//! physical state. Nothing here has a memory of the past (no contact cache, no sleeping islands), so
-//! a world that is given the same state behaves the same to the last bit. The world knows no goal,
-//! no episode and no reward.
+//! Architecture invariant: the poses, and where there are bases their [`DriveState`]s, are the
+//! whole physical state. Nothing here has a memory of the past (no contact cache, no sleeping
+//! islands), so a world that is given the same state behaves the same to the last bit. The world
+//! knows no goal, no episode and no reward.
 
 use crate::config::BaseConfig;
 use crate::dynamics::{Drive, DriveState};
@@ -193,8 +193,8 @@ impl World {
         Ok(())
     }
 
-    /// Velocity along the heading, m/s, and turn rate, rad/s, of a body with a base, as its odometry
-    /// measures them; `None` for any other body, which has what it was commanded.
+    /// Velocity along the heading, m/s, and turn rate, rad/s, of a body with a base, as its
+    /// odometry measures them; `None` for any other body, which has what it was commanded.
     pub fn measured(&self, body: usize) -> Option<[f32; 2]> {
         self.drive(body).map(|drive| drive.measured(self.pose(body)))
     }
@@ -204,7 +204,8 @@ impl World {
         self.drive(body).map(|drive| &drive.state)
     }
 
-    /// Gives a base a state, to be called after [`World::set_pose`]; a body without a base has none.
+    /// Gives a base a state, to be called after [`World::set_pose`]; a body without a base has
+    /// none.
     ///
     /// # Panics
     ///

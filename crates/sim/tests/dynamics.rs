@@ -1,4 +1,5 @@
-//! Robots with mass: what rapier and the wheels make of a command, and what must hold whatever happens.
+//! Robots with mass: what rapier and the wheels make of a command, and what must hold whatever
+//! happens.
 
 use glam::Vec2;
 use jostle_sim::{
@@ -58,7 +59,8 @@ fn a_start_is_held_by_the_grip_and_then_goes_on_evenly() {
     for period in 1..=20 {
         assert_eq!(advance(&mut world, &[drive(1.0, 0.0)]), [None]);
         let (time, until) = (period as f32 * DT, 1.0 / GRIP);
-        // Steps of 5 ms with the velocity at their end: half a step's gain of speed ahead of the closed form.
+        // Steps of 5 ms with the velocity at their end: half a step's gain of speed ahead of the
+        // closed form.
         let way = if time < until { GRIP * time * time / 2.0 } else { time - until / 2.0 };
         let along = world.pose(0).direction().dot(world.pose(0).position);
         near(along, way, 0.5 * 0.005 * 1.0 + 1e-3);
@@ -223,8 +225,8 @@ fn rooms_measure_what_the_wheels_do() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
-    /// Bases that brake or roll free among one another, walls and obstacles only lose energy, stay where
-    /// they were on the one side of a thin wall, and overlap nothing.
+    /// Bases that brake or roll free among one another, walls and obstacles only lose energy, stay
+    /// where they were on the one side of a thin wall, and overlap nothing.
     #[test]
     fn energy_does_not_grow_and_nothing_is_passed_through(
         velocities in prop::collection::vec((-12.0_f32..12.0, -12.0_f32..12.0, -6.0_f32..6.0), 3),

@@ -37,7 +37,8 @@ impl Cell<'_> {
         Ok(())
     }
 
-    /// Runs the episodes that the folder's records do not hold yet. The timing is `None` where none was run.
+    /// Runs the episodes that the folder's records do not hold yet. The timing is `None` where none
+    /// was run.
     pub fn run(&self, episodes: u64, records: &Path) -> Result<(CellRun, Option<CellTiming>)> {
         let mut robot = self.robot()?;
         let identity = self.driver.identity();

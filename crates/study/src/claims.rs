@@ -1,17 +1,20 @@
-//! The statements of the paper's text on its tables, as comparisons that can be tested, and their verdicts.
+//! The statements of the paper's text on its tables, as comparisons that can be tested, and their
+//! verdicts.
 //!
-//! Reading order: this file (what a claim is), [`of_paper`] (the paper's), [`study`] (the data: rows, training seeds,
-//! episodes), [`evidence`] (intervals, tests and the verdict).
+//! Reading order: this file (what a claim is), [`of_paper`] (the paper's), [`study`] (the data:
+//! rows, training seeds, episodes), [`evidence`] (intervals, tests and the verdict).
 //!
 //! # The rule
 //!
-//! A claim is a list of parts. A part says where a number lies: a difference of means above 0, say, or within ± a margin.
-//! Its estimate is the sum over rows of the mean over training seeds. Two 95 % intervals are formed: Welch's over training
-//! seeds, and that of a hierarchical bootstrap over seeds and paired episodes. The part is *confirmed* where both lie
-//! wholly in the region that the paper claims, *contradicted* where both lie wholly outside it, *not confirmed* otherwise;
-//! with a single training seed in a row nothing can be said of training, and it is not confirmed, either. A claim is
-//! confirmed where all its parts are; contradicted where at least one part is at the level 0.05 divided by the number of
-//! parts; not confirmed otherwise. Where a row has no policy the claim is not tested.
+//! A claim is a list of parts. A part says where a number lies: a difference of means above 0, say,
+//! or within ± a margin. Its estimate is the sum over rows of the mean over training seeds. Two 95
+//! % intervals are formed: Welch's over training seeds, and that of a hierarchical bootstrap over
+//! seeds and paired episodes. The part is *confirmed* where both lie wholly in the region that the
+//! paper claims, *contradicted* where both lie wholly outside it, *not confirmed* otherwise; with a
+//! single training seed in a row nothing can be said of training, and it is not confirmed, either.
+//! A claim is confirmed where all its parts are; contradicted where at least one part is at the
+//! level 0.05 divided by the number of parts; not confirmed otherwise. Where a row has no policy
+//! the claim is not tested.
 
 pub mod evidence;
 pub mod of_paper;

@@ -1,8 +1,10 @@
-//! `cargo xtask leaderboard`: robots on the standard suite, as entries of which each runs again to the bit from its own line.
+//! `cargo xtask leaderboard`: robots on the standard suite, as entries of which each runs again to
+//! the bit from its own line.
 //!
-//! Reading order: [`run`], [`enter`] (a robot is run, and compared where it is stored), [`store_pages`], [`check`] (what is stored is what
-//! it says; `verify results` asks for it, too). An entry is `NAME.json` in the folder; `leaderboard.md` and `index.html` beside them are
-//! made of the entries.
+//! Reading order: [`run`], [`enter`] (a robot is run, and compared where it is stored),
+//! [`store_pages`], [`check`] (what is stored is what it says; `verify results` asks for it, too).
+//! An entry is `NAME.json` in the folder; `leaderboard.md` and `index.html` beside them are made of
+//! the entries.
 
 use std::collections::BTreeSet;
 use std::num::NonZeroUsize;
@@ -43,8 +45,8 @@ const PAGE: &str = "index.html";
     cargo xtask leaderboard runs/ours --name ours --folder runs/board\n  cargo xtask leaderboard --check"
 )]
 pub struct LeaderboardArgs {
-    /// Robots to run on all cells: checkpoint files, run folders or planners. One that is stored is run again and compared, bit for
-    /// bit; without a robot nothing is run and the pages are made.
+    /// Robots to run on all cells: checkpoint files, run folders or planners. One that is stored is
+    /// run again and compared, bit for bit; without a robot nothing is run and the pages are made.
     robot: Vec<PathBuf>,
     /// Name of the robot on the board (default: the policy's own).
     #[arg(long, value_name = "NAME")]
@@ -67,7 +69,8 @@ pub struct LeaderboardArgs {
     /// Folder of the entries (default: `results/leaderboard/` of this repository).
     #[arg(long, value_name = "DIR")]
     folder: Option<PathBuf>,
-    /// Folder of shipped policies, whose pool drives learned pedestrians (default: `checkpoints/` of this repository).
+    /// Folder of shipped policies, whose pool drives learned pedestrians (default: `checkpoints/`
+    /// of this repository).
     #[arg(long, value_name = "DIR")]
     checkpoints: Option<PathBuf>,
     /// Worker threads (default: all cores). The result does not depend on it.
@@ -213,9 +216,9 @@ fn store_pages(folder: &Path) -> Result<()> {
     write_atomically(&folder.join(PAGE), &board::html(&entries))
 }
 
-/// Checks the entries of a folder: that each fits together, is of a robot that this program can make unless it is the user's own, and
-/// is of the present scenes, settings and pedestrians; and that the table and the page are what the entries say. Gives a line about
-/// them.
+/// Checks the entries of a folder: that each fits together, is of a robot that this program can
+/// make unless it is the user's own, and is of the present scenes, settings and pedestrians; and
+/// that the table and the page are what the entries say. Gives a line about them.
 ///
 /// # Errors
 /// The first entry, cell or page that is not as it should be.

@@ -1,7 +1,9 @@
-//! The paper's Tables I–V as data, typed in from its LaTeX source (`paper.tex`, the label given with each table).
+//! The paper's Tables I–V as data, typed in from its LaTeX source (`paper.tex`, the label given
+//! with each table).
 //!
-//! Columns of crowds stand in the order of [`CrowdKind::PAPER`](jostle_peds::CrowdKind::PAPER): NH, IN, VA, SO, VO, SF.
-//! Figures are as printed, also where they contradict each other; the known slips are said with each table.
+//! Columns of crowds stand in the order of [`CrowdKind::PAPER`](jostle_peds::CrowdKind::PAPER): NH,
+//! IN, VA, SO, VO, SF. Figures are as printed, also where they contradict each other; the known
+//! slips are said with each table.
 
 /// A row of Table I (`table:1`, "Impact of the number of behaviors M"), with N = 5.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -101,7 +103,8 @@ pub const TABLE_1: [BehavioursRow; 6] = [
     behaviours(20, 20_000, [0.89, 0.87, 0.85, 0.77, 0.78, 0.79], 0.82),
 ];
 
-/// Table II. Three averages are not those of their row: N = 10 without (0.362), N = 20 without (0.398) and with (0.507).
+/// Table II. Three averages are not those of their row: N = 10 without (0.362), N = 20 without
+/// (0.398) and with (0.507).
 pub const TABLE_2: [AgentsRow; 6] = [
     agents(5, false, BASELINE, 0.55),
     agents(5, true, OURS, 0.81),
@@ -119,8 +122,9 @@ pub const TABLE_3: [IntrinsicRow; 4] = [
     intrinsic("none", 0.0, BASELINE, 0.55, 0.0),
 ];
 
-/// Table IV. In all 18 cells the extra distance exceeds what the extra time allows at 1 m/s, so its absolute times and
-/// distances are no targets; its orderings are. The spread 0.87 of Basic's speed in VA is printed so (0.087 is meant).
+/// Table IV. In all 18 cells the extra distance exceeds what the extra time allows at 1 m/s, so its
+/// absolute times and distances are no targets; its orderings are. The spread 0.87 of Basic's speed
+/// in VA is printed so (0.087 is meant).
 pub const TABLE_4: [MetricRow; 12] = [
     rates("Basic", BASELINE),
     rates("Safe", [0.86, 0.77, 0.81, 0.67, 0.69, 0.61]),

@@ -41,7 +41,8 @@ pub struct VerifyArgs {
 enum What {
     /// Every file of the manifest: hash, shape, provenance, setting; and the folder's size.
     Checkpoints,
-    /// Train with a shipped configuration and seed and compare with the shipped curve, byte for byte.
+    /// Train with a shipped configuration and seed and compare with the shipped curve, byte for
+    /// byte.
     Curve {
         /// Name of a shipped run.
         name: String,
@@ -49,8 +50,8 @@ enum What {
         #[arg(long, value_name = "N", default_value_t = crate::ship::curve::FIRST)]
         updates: usize,
     },
-    /// Every stored cell: that it can be read, stands under its own hash, and is of shipped policies alone; and every entry of the
-    /// leaderboard.
+    /// Every stored cell: that it can be read, stands under its own hash, and is of shipped
+    /// policies alone; and every entry of the leaderboard.
     Results {
         /// Folder of results (default: `results/` of this repository).
         #[arg(long, value_name = "DIR")]

@@ -14,8 +14,8 @@ pub struct Group<'a> {
     runs: Vec<&'a RunLog>,
 }
 
-/// Groups runs by everything but the seed, in the order of their first member. Runs that are to make more updates than
-/// others stand alone: a band ends where its shortest run does.
+/// Groups runs by everything but the seed, in the order of their first member. Runs that are to
+/// make more updates than others stand alone: a band ends where its shortest run does.
 pub fn groups(runs: &[RunLog]) -> Vec<Group<'_>> {
     let mut order: Vec<Group<'_>> = Vec::new();
     let mut place: BTreeMap<(String, u64), usize> = BTreeMap::new();
@@ -50,7 +50,8 @@ pub struct Panel {
     pub title: String,
     /// The whole range, where it is known; else it follows from the data.
     pub range: Option<(f64, f64)>,
-    /// A level to compare with, such as that of guessing, for each number of behaviours that occurs.
+    /// A level to compare with, such as that of guessing, for each number of behaviours that
+    /// occurs.
     pub levels: Vec<f64>,
     /// One for each group that has the measure.
     pub curves: Vec<Curve>,

@@ -32,8 +32,8 @@ const AGENTS: usize = 8;
     after_help = "Examples:\n  cargo xtask demo\n  cargo xtask demo --policy runs/ours --out /tmp/demo --no-open"
 )]
 pub struct DemoArgs {
-    /// Checkpoint file, run folder or planner; the planner dwa drives beside it (default: the strong policy, dwa and the paper's
-    /// M = 5).
+    /// Checkpoint file, run folder or planner; the planner dwa drives beside it (default: the
+    /// strong policy, dwa and the paper's M = 5).
     #[arg(long, value_name = "POLICY")]
     policy: Option<PathBuf>,
     /// Episodes in each of the two crowds.
@@ -79,7 +79,8 @@ pub fn run(args: &DemoArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The policies that are shipped: the strong ones first, then by name; none where neither a checkout nor the program has any.
+/// The policies that are shipped: the strong ones first, then by name; none where neither a
+/// checkout nor the program has any.
 ///
 /// # Errors
 /// A folder that cannot be listed or, without a checkout, not be made.
@@ -103,7 +104,8 @@ fn is_of(path: &Path, row: &str) -> bool {
     path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(row))
 }
 
-/// Hands a page, a file or an address, to the desktop's browser; whether a program for that was found.
+/// Hands a page, a file or an address, to the desktop's browser; whether a program for that was
+/// found.
 pub fn open(page: &Path) -> bool {
     let program = match std::env::consts::OS {
         "macos" => "open",

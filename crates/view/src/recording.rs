@@ -12,14 +12,15 @@ use jostle_runs::output::note;
 /// A recording and how it is to be understood.
 #[derive(Args)]
 pub struct RecordingArgs {
-    /// Play back people as they walked: ETH's `obsmat.txt`, lines of `frame id x y`, or trajnet++ (`.ndjson`). They do not react; the
-    /// room is the one around them.
+    /// Play back people as they walked: ETH's `obsmat.txt`, lines of `frame id x y`, or trajnet++
+    /// (`.ndjson`). They do not react; the room is the one around them.
     #[arg(long, value_name = "FILE")]
     pub recording: Option<PathBuf>,
     /// Seconds between two annotated frames of a person (default: what the file says, else 0.4).
     #[arg(long, value_name = "S", requires = "recording")]
     recording_interval: Option<f64>,
-    /// Longest gap in a person's frames, in seconds, that is bridged by a straight line (default: none).
+    /// Longest gap in a person's frames, in seconds, that is bridged by a straight line (default:
+    /// none).
     #[arg(long, value_name = "S", requires = "recording")]
     recording_gap: Option<f64>,
 }

@@ -1,4 +1,5 @@
-//! What `replay` writes beside the page is made of the same episodes: an MCAP file of their exact values, a GIF of their pictures.
+//! What `replay` writes beside the page is made of the same episodes: an MCAP file of their exact
+//! values, a GIF of their pictures.
 
 use glam::Vec2;
 use jostle_arena::Planner;

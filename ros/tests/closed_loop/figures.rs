@@ -7,7 +7,8 @@ use crate::log::{Entry, commands};
 /// Latency and losses of a drive.
 #[derive(Clone, Debug)]
 pub(crate) struct Figures {
-    /// From before a scan is published until the command that answers it is received, in the peer, s.
+    /// From before a scan is published until the command that answers it is received, in the peer,
+    /// s.
     pub(crate) median: f64,
     pub(crate) p95: f64,
     /// Scans between the first and the last that was answered, and how many of them were not.

@@ -1,8 +1,10 @@
-//! Closed loops with independent peers: a Python robot in a room, over rclpy (Fast DDS) and over Cyclone DDS, and this node.
+//! Closed loops with independent peers: a Python robot in a room, over rclpy (Fast DDS) and over
+//! Cyclone DDS, and this node.
 //!
-//! `cargo xtask ci --ros` installs the peers and sets the variables. Without `JOSTLE_ROS_PYTHON`, the Python that has them, these
-//! tests say that they are skipped. `JOSTLE_ROS_OUT` names the folder for figures, a picture and what the processes said;
-//! `JOSTLE_ROS_ISOLATED` says that this runs in a network of its own, in which the loopback is all that there is.
+//! `cargo xtask ci --ros` installs the peers and sets the variables. Without `JOSTLE_ROS_PYTHON`,
+//! the Python that has them, these tests say that they are skipped. `JOSTLE_ROS_OUT` names the
+//! folder for figures, a picture and what the processes said; `JOSTLE_ROS_ISOLATED` says that this
+//! runs in a network of its own, in which the loopback is all that there is.
 
 mod figures;
 mod log;

@@ -1,5 +1,5 @@
-//! Transitions per second of training, rollout to checkpoint-ready, and the time that learning takes to a share of successes
-//! among its own kind.
+//! Transitions per second of training, rollout to checkpoint-ready, and the time that learning
+//! takes to a share of successes among its own kind.
 
 use std::collections::VecDeque;
 use std::fmt::Write as _;
@@ -35,7 +35,8 @@ const LARGE: &[&str] = &[
     "network.log_std_init=-0.7",
 ];
 
-/// All settings: the tables', the lineage's size of an update, the pooled network, and bodies with their velocities.
+/// All settings: the tables', the lineage's size of an update, the pooled network, and bodies with
+/// their velocities.
 const SETTINGS: [Setting; 5] = [
     Setting {
         name: "paper-640",
@@ -94,10 +95,12 @@ pub(super) struct LearningArgs {
     /// Worker threads.
     #[arg(long, value_name = "N", default_value_t = 2)]
     threads: usize,
-    /// Settings, separated by commas (default: all): paper-640, paper-8000, paper-8000-m1, pooled, motion.
+    /// Settings, separated by commas (default: all): paper-640, paper-8000, paper-8000-m1, pooled,
+    /// motion.
     #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
     only: Vec<String>,
-    /// Train the settings `pooled` and `motion` until this share of 2,000 episodes succeeds, and say how long that took.
+    /// Train the settings `pooled` and `motion` until this share of 2,000 episodes succeeds, and
+    /// say how long that took.
     #[arg(long, value_name = "SHARE")]
     success: Option<f64>,
     /// Give such a training up after this many minutes.

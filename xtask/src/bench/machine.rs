@@ -4,7 +4,8 @@ use std::fs;
 
 use jostle_runs::provenance;
 
-/// One Markdown line: command, commit, processor, threads, and how busy the machine was when the command began.
+/// One Markdown line: command, commit, processor, threads, and how busy the machine was when the
+/// command began.
 pub(super) struct Conditions {
     line: String,
 }

@@ -1,4 +1,5 @@
-//! An update's time by its parts: the trainer phase by phase, the learners one by one, the largest layer by itself.
+//! An update's time by its parts: the trainer phase by phase, the learners one by one, the largest
+//! layer by itself.
 
 use std::fmt::Write as _;
 
@@ -23,7 +24,8 @@ pub(super) struct UpdateArgs {
     /// Numbers of worker threads.
     #[arg(long, value_name = "N,…", value_delimiter = ',', default_value = "1,2")]
     threads: Vec<usize>,
-    /// Instruction set of the networks' kernels: avx512, avx2 or plain; by default the widest that the processor has.
+    /// Instruction set of the networks' kernels: avx512, avx2 or plain; by default the widest that
+    /// the processor has.
     #[arg(long, value_name = "SET")]
     instructions: Option<String>,
 }

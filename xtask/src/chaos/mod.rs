@@ -1,15 +1,18 @@
-//! `cargo xtask chaos`: kills training and evaluation at random moments and looks for anything that was lost.
+//! `cargo xtask chaos`: kills training and evaluation at random moments and looks for anything that
+//! was lost.
 //!
-//! A small run is trained once without interruption. Then the same run is trained again and again in new folders, each
-//! killed with `kill -9` at moments drawn from a seeded stream (after a random time, while a checkpoint is being written,
-//! when the log grows) and resumed with another number of threads, until it is finished; sometimes half a line is left at
-//! the end of the log, as a torn write would. Its folder must then be that of the uninterrupted run: the same files with
-//! the same bytes, but for the clock in the log. Evaluations of the finished run are treated alike.
+//! A small run is trained once without interruption. Then the same run is trained again and again
+//! in new folders, each killed with `kill -9` at moments drawn from a seeded stream (after a random
+//! time, while a checkpoint is being written, when the log grows) and resumed with another number
+//! of threads, until it is finished; sometimes half a line is left at the end of the log, as a torn
+//! write would. Its folder must then be that of the uninterrupted run: the same files with the same
+//! bytes, but for the clock in the log. Evaluations of the finished run are treated alike.
 //!
 //! With `--gently` training is asked to stop, by SIGTERM: it must then say so by its exit status,
 //! and its newest checkpoint must hold every update that its log has.
 //!
-//! Reading order: this file; [`victim`] (what is killed); [`trigger`] (when); [`compare`] (what must be equal).
+//! Reading order: this file; [`victim`] (what is killed); [`trigger`] (when); [`compare`] (what
+//! must be equal).
 
 pub(crate) mod compare;
 mod trigger;
@@ -49,7 +52,8 @@ pub(crate) struct ChaosArgs {
     /// Seed of the moments.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Working folder (default: a new one among the system's temporary ones, removed when nothing was lost).
+    /// Working folder (default: a new one among the system's temporary ones, removed when nothing
+    /// was lost).
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }

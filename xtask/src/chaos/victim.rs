@@ -13,7 +13,8 @@ use jostle_runs::folder::latest_checkpoint;
 use jostle_runs::run_folder::latest_update;
 use jostle_runs::stop;
 
-/// Two agents with 16 beams and networks of 32 units: an update takes milliseconds, a checkpoint as long.
+/// Two agents with 16 beams and networks of 32 units: an update takes milliseconds, a checkpoint as
+/// long.
 const CONFIG: &str = "\
     updates = 12\ncheckpoint_every = 2\nN = 2\nM = 2\nhorizon = 64\nminibatch = 32\n\
     network = { embedding = 4, laser_feature = 32, hidden = 32 }\ndiscriminator = { hidden = 32 }\n\
@@ -160,8 +161,8 @@ impl Victim {
         self.gently
     }
 
-    /// The updates that a process which was asked to stop has left behind its newest checkpoint, which should be
-    /// nothing.
+    /// The updates that a process which was asked to stop has left behind its newest checkpoint,
+    /// which should be nothing.
     pub(super) fn lost_updates(&self, out: &Path) -> Result<Option<String>> {
         let path = out.join(self.growing);
         if !path.exists() {
@@ -174,7 +175,8 @@ impl Victim {
         Ok((made != kept).then_some(told))
     }
 
-    /// Check that what was finished before the kill is still whole: the checkpoint that `latest` names.
+    /// Check that what was finished before the kill is still whole: the checkpoint that `latest`
+    /// names.
     pub(super) fn lost_checkpoint(out: &Path) -> Option<String> {
         if !out.join("latest").exists() {
             return None;
@@ -210,7 +212,8 @@ impl Victim {
             .arg(out)
             // By the environment, as the stored configuration names `threads`.
             .env("RAYON_NUM_THREADS", threads.to_string())
-            // The source may change while this runs; without a repository all runs name the same commit.
+            // The source may change while this runs; without a repository all runs name the same
+            // commit.
             .env("GIT_DIR", self.folder.join("no-repository"))
             .stdin(Stdio::null())
             .stdout(Stdio::null())

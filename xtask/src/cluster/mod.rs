@@ -1,9 +1,12 @@
-//! `cargo xtask ci --slurm`: a grid of small trainings on a real Slurm, one of whose nodes dies in the middle.
+//! `cargo xtask ci --slurm`: a grid of small trainings on a real Slurm, one of whose nodes dies in
+//! the middle.
 //!
-//! The same plan is done twice: here by `sweep`, without interruption, and by `sweep --slurm` on a cluster of two nodes that
-//! [`slurm`] starts on this machine. When a training on the first node has come some way, that node is killed with all that it
-//! runs. Slurm notices, queues its training again, and the other node goes on from the last checkpoint. At the end every run
-//! folder must be that of the uninterrupted sweep: the same files with the same bytes, but for the clock in the log.
+//! The same plan is done twice: here by `sweep`, without interruption, and by `sweep --slurm` on a
+//! cluster of two nodes that [`slurm`] starts on this machine. When a training on the first node
+//! has come some way, that node is killed with all that it runs. Slurm notices, queues its training
+//! again, and the other node goes on from the last checkpoint. At the end every run folder must be
+//! that of the uninterrupted sweep: the same files with the same bytes, but for the clock in the
+//! log.
 
 mod slurm;
 

@@ -1,7 +1,9 @@
-//! A cluster of two nodes on this machine: a real slurmctld, two slurmd, and munge, all of them in one folder and gone with it.
+//! A cluster of two nodes on this machine: a real slurmctld, two slurmd, and munge, all of them in
+//! one folder and gone with it.
 //!
-//! Each node lives in a process namespace of its own (`unshare --pid`), whose first process is its slurmd. Where that is
-//! killed, the kernel kills everything that the node runs, as a power cut would.
+//! Each node lives in a process namespace of its own (`unshare --pid`), whose first process is its
+//! slurmd. Where that is killed, the kernel kills everything that the node runs, as a power cut
+//! would.
 
 use std::fmt::Write as _;
 use std::fs::File;
@@ -54,7 +56,8 @@ pub(super) fn install() -> Result<()> {
     Ok(())
 }
 
-/// A program on the path or among those of the system's administrator, which are not on everyone's path.
+/// A program on the path or among those of the system's administrator, which are not on everyone's
+/// path.
 fn find(name: &str) -> Option<PathBuf> {
     on_path(&[name]).or_else(|| Some(Path::new("/usr/sbin").join(name)).filter(|path| path.is_file()))
 }
@@ -186,7 +189,8 @@ fn start_munge(folder: &Path) -> Result<Child> {
     start(munged, folder, "munged")
 }
 
-/// Slurm's own configuration: the controller and both nodes are this machine, a job has one processor.
+/// Slurm's own configuration: the controller and both nodes are this machine, a job has one
+/// processor.
 fn configuration(folder: &Path) -> Result<String> {
     let answer = |name: &str, argument: &str| -> Result<String> {
         let output =

@@ -1,12 +1,12 @@
 //! `cargo xtask fuzz`: hostile files for every parser, for as long as one likes.
 //!
-//! Each target starts from valid inputs, damages them with draws from a seeded stream, and hands them to the same
-//! functions that the commands use. A refusal must be one short line; a panic, an abort (memory is limited), an endless
-//! loop or a message of many lines is a crash, whose input is kept. Targets run in processes of their own, so that an
-//! abort is seen and survived.
+//! Each target starts from valid inputs, damages them with draws from a seeded stream, and hands
+//! them to the same functions that the commands use. A refusal must be one short line; a panic, an
+//! abort (memory is limited), an endless loop or a message of many lines is a crash, whose input is
+//! kept. Targets run in processes of their own, so that an abort is seen and survived.
 //!
-//! Reading order: this file (the supervisor); [`worker`] (one process); [`targets`] (what is called on what);
-//! [`mutate`] and [`archive`] (how inputs are damaged).
+//! Reading order: this file (the supervisor); [`worker`] (one process); [`targets`] (what is called
+//! on what); [`mutate`] and [`archive`] (how inputs are damaged).
 
 mod archive;
 mod mutate;
@@ -140,7 +140,8 @@ fn supervise(name: &str, args: &FuzzArgs, time: Duration) -> Result<Report> {
     Ok(report)
 }
 
-/// This program as a worker, with a limit on memory (which only a shell can set without unsafe code).
+/// This program as a worker, with a limit on memory (which only a shell can set without unsafe
+/// code).
 fn worker_command(
     name: &str,
     args: &FuzzArgs,

@@ -1,4 +1,5 @@
-//! Damage to bytes: flips, cuts, repetitions, lies about lengths, numbers out of any range, deep nesting.
+//! Damage to bytes: flips, cuts, repetitions, lies about lengths, numbers out of any range, deep
+//! nesting.
 
 use jostle_sim::StreamRng;
 use rand::RngExt as _;

@@ -95,7 +95,8 @@ fn config(scratch: &Path) -> Result<Case> {
     }))
 }
 
-/// Checkpoints, raw and below their checksum; one that is accepted must be able to go on, or say why not.
+/// Checkpoints, raw and below their checksum; one that is accepted must be able to go on, or say
+/// why not.
 fn checkpoint(scratch: &Path) -> Result<Case> {
     let path = scratch.join("input.safetensors");
     let mut trainer = Trainer::new(Config::parse(TINY, "tiny", NONE)?)?;

@@ -22,7 +22,8 @@ const REPORT_EVERY: u64 = 100;
 /// Longest message of a refusal, in bytes; the path of the file is a part of it.
 const MESSAGE_MAX: usize = 2000;
 
-/// Tries inputs until time or cases are used up. Prints `tried accepted crashes` now and then, and at the end.
+/// Tries inputs until time or cases are used up. Prints `tried accepted crashes` now and then, and
+/// at the end.
 pub(super) fn run(
     name: &str,
     scratch: &Path,

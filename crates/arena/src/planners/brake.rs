@@ -1,4 +1,5 @@
-//! `brake`: to the goal, more slowly the nearer something is ahead. Ten lines by hand that beat much that was learned.
+//! `brake`: to the goal, more slowly the nearer something is ahead. Ten lines by hand that beat
+//! much that was learned.
 
 use jostle_sim::SimConfig;
 

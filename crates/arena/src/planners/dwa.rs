@@ -1,24 +1,28 @@
-//! `dwa`: a dynamic window among things that move. Constant commands (v, ω) are rolled out and the best one is driven for one
-//! control period.
+//! `dwa`: a dynamic window among things that move. Constant commands (v, ω) are rolled out and the
+//! best one is driven for one control period.
 //!
-//! Reading order: [`DwaConfig`] (what is weighed), [`Dwa`], [`super::tracks`] (what moves), `rollouts` (where commands lead).
+//! Reading order: [`DwaConfig`] (what is weighed), [`Dwa`], [`super::tracks`] (what moves),
+//! `rollouts` (where commands lead).
 //!
 //! # Formula
 //!
-//! score = `progress`·(d₀ − d)/(`v_max`·T) − `heading`·|φ|/π + `clearance`·c − `hit`·(1 − t/(T + Δt)), with d₀ and d the distances
-//! to the goal now and at the end of the horizon T, φ the angle to the goal at the end, c the least clearance on the way as a
-//! share of what is wished for, and t the time of the first place within the margin of something (the last term is 0 without one).
-//! A command that gets to the goal counts as one that drives to it at full speed, and what comes after does not count.
+//! score = `progress`·(d₀ − d)/(`v_max`·T) − `heading`·|φ|/π + `clearance`·c − `hit`·(1 − t/(T +
+//! Δt)), with d₀ and d the distances to the goal now and at the end of the horizon T, φ the angle
+//! to the goal at the end, c the least clearance on the way as a share of what is wished for, and t
+//! the time of the first place within the margin of something (the last term is 0 without one). A
+//! command that gets to the goal counts as one that drives to it at full speed, and what comes
+//! after does not count.
 //!
 //! # Departures
 //!
-//! Fox, Burgard and Thrun take static obstacles and admit commands after which the robot can stop. Here commands act at once (Stage's
-//! velocity mode), so that every command can be stopped, and what matters is where the others will be.
+//! Fox, Burgard and Thrun take static obstacles and admit commands after which the robot can stop.
+//! Here commands act at once (Stage's velocity mode), so that every command can be stopped, and
+//! what matters is where the others will be.
 //!
 //! # References
 //!
-//! D. Fox, W. Burgard, S. Thrun, "The dynamic window approach to collision avoidance", IEEE Robotics and Automation Magazine 4(1),
-//! 1997, doi:10.1109/100.580977.
+//! D. Fox, W. Burgard, S. Thrun, "The dynamic window approach to collision avoidance", IEEE
+//! Robotics and Automation Magazine 4(1), 1997, doi:10.1109/100.580977.
 
 use glam::Vec2;
 use jostle_sim::SimConfig;
@@ -33,8 +37,9 @@ use crate::error::ArenaError;
 /// Returns of what stands still that are nearer together than this count once (m).
 const SPACING: f32 = 0.15;
 
-/// The rollouts and their weights. The defaults were chosen on walkers made for the purpose, like those of the
-/// validation crowds, and checked once on the validation crowds; the six test crowds were looked at afterwards.
+/// The rollouts and their weights. The defaults were chosen on walkers made for the purpose, like
+/// those of the validation crowds, and checked once on the validation crowds; the six test crowds
+/// were looked at afterwards.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DwaConfig {
     /// Rules that make beams one thing, and tell the things that may move.
@@ -55,7 +60,8 @@ pub struct DwaConfig {
     pub wish: f32,
     /// The same for what cannot move (m).
     pub wish_still: f32,
-    /// Weight of what cannot move in the clearance: it counts from 0 (not at all) to 1 (as things that move).
+    /// Weight of what cannot move in the clearance: it counts from 0 (not at all) to 1 (as things
+    /// that move).
     pub still: f32,
     /// Weight of the way made towards the goal.
     pub progress: f32,
@@ -164,7 +170,8 @@ impl Dwa {
         })
     }
 
-    /// Splits the clusters into things with a velocity and returns of what stands, as far as they can matter.
+    /// Splits the clusters into things with a velocity and returns of what stands, as far as they
+    /// can matter.
     fn look(&self, scratch: &mut DwaScratch) {
         let DwaScratch { tracks, movers, still, .. } = scratch;
         movers.clear();
@@ -277,7 +284,8 @@ struct Fate {
     arrives: bool,
 }
 
-/// Appends a cluster's returns up to a distance, of neighbours that are close together the first, and always the last.
+/// Appends a cluster's returns up to a distance, of neighbours that are close together the first,
+/// and always the last.
 fn thin_out(cluster: &Cluster, returns: &[Option<Vec2>], farthest: f32, still: &mut Vec<Vec2>) {
     let mut last: Option<Vec2> = None;
     for k in 0..cluster.beams {
@@ -317,7 +325,8 @@ mod tests {
 
     #[test]
     fn it_waits_or_turns_for_someone_who_crosses_and_not_for_one_who_has() {
-        // Both are 2.5 m ahead and 1.5 m to the left; one walks across the robot's way, the other away from it.
+        // Both are 2.5 m ahead and 1.5 m to the left; one walks across the robot's way, the other
+        // away from it.
         let walker = |u: f32| Scene::empty().with_velocity(1.0, 0.0).with_walker([2.5, 1.8], 0.3, [0.0, u]);
         let crossing = plan(&walker(-0.8));
         assert!(crossing[0] < 1.0 || crossing[1] != 0.0, "{crossing:?}");

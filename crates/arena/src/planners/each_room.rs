@@ -5,7 +5,8 @@ use rayon::prelude::*;
 use crate::error::ArenaError;
 use crate::robot::{Robot, RobotView, Views};
 
-/// A function of one room's ground truth. It has no memory: `scratch` keeps its allocations and nothing that is read.
+/// A function of one room's ground truth. It has no memory: `scratch` keeps its allocations and
+/// nothing that is read.
 pub trait RoomPlanner: Send + Sync {
     /// Working memory of a decision.
     type Scratch: Send;
@@ -57,8 +58,8 @@ pub(super) mod testing {
 
     use crate::robot::RobotView;
 
-    /// Asks about a robot at the origin that heads along x to a goal 8 m ahead, at full speed, among pedestrians of these positions and
-    /// velocities.
+    /// Asks about a robot at the origin that heads along x to a goal 8 m ahead, at full speed,
+    /// among pedestrians of these positions and velocities.
     pub(in super::super) fn under_way<T>(
         others: &[(Vec2, Vec2)],
         ask: impl FnOnce(&RobotView<'_>) -> T,

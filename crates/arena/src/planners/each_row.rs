@@ -8,7 +8,8 @@ use crate::robot::RobotPolicy;
 /// Rows that one task plans for. Results do not depend on it.
 const CHUNK: usize = 16;
 
-/// A function of one observation row. It has no memory: `scratch` keeps its allocations and nothing that is read.
+/// A function of one observation row. It has no memory: `scratch` keeps its allocations and nothing
+/// that is read.
 pub trait RowPlanner: Send + Sync {
     /// Working memory of a decision.
     type Scratch: Default + Send;

@@ -1,4 +1,5 @@
-//! `goal-seeker`: turns to the free direction nearest to its goal, and slows down where its way is blocked.
+//! `goal-seeker`: turns to the free direction nearest to its goal, and slows down where its way is
+//! blocked.
 
 use glam::Vec2;
 use jostle_sim::SimConfig;

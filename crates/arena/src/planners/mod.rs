@@ -1,10 +1,12 @@
-//! Robots that were not learned, by name: what a learned policy is to be measured against. Not of the paper.
+//! Robots that were not learned, by name: what a learned policy is to be measured against. Not of
+//! the paper.
 //!
-//! Reading order: this file (names), [`reader`] and [`each_row`] (what a planner of the row is), [`each_room`] (one that knows where
-//! everyone is), one file for each planner, [`tracks`] (what moves in a scan).
+//! Reading order: this file (names), [`reader`] and [`each_row`] (what a planner of the row is),
+//! [`each_room`] (one that knows where everyone is), one file for each planner, [`tracks`] (what
+//! moves in a scan).
 //!
-//! Architecture invariant: a planner has no memory of earlier steps, as the learned policies have none beyond the three
-//! scans of the row.
+//! Architecture invariant: a planner has no memory of earlier steps, as the learned policies have
+//! none beyond the three scans of the row.
 
 mod brake;
 mod dwa;
@@ -59,12 +61,13 @@ pub enum Planner {
 }
 
 impl Planner {
-    /// All of them: those of the observation row, the simplest first, then those that know positions.
+    /// All of them: those of the observation row, the simplest first, then those that know
+    /// positions.
     pub const ALL: [Self; 6] =
         [Self::Straight, Self::Brake, Self::GoalSeeker, Self::Dwa, Self::Orca, Self::SocialForce];
 
-    /// Those that have a row in the tables of `reproduce`. `brake` has none: it is `straight` with a slower approach, and shows
-    /// nothing that the other two do not.
+    /// Those that have a row in the tables of `reproduce`. `brake` has none: it is `straight` with
+    /// a slower approach, and shows nothing that the other two do not.
     pub const IN_TABLES: [Self; 5] =
         [Self::Straight, Self::GoalSeeker, Self::Dwa, Self::Orca, Self::SocialForce];
 
@@ -92,7 +95,8 @@ impl Planner {
         }
     }
 
-    /// True if it reads everyone's true position and velocity, which no laser tells, instead of the observation row.
+    /// True if it reads everyone's true position and velocity, which no laser tells, instead of the
+    /// observation row.
     pub fn knows_positions(self) -> bool {
         matches!(self, Self::Orca | Self::SocialForce)
     }
@@ -102,7 +106,8 @@ impl Planner {
         if self.knows_positions() { format!("{self} (knows positions)") } else { self.to_string() }
     }
 
-    /// Raised whenever the planner may act otherwise on some row with the same settings: stored episodes are then not used again.
+    /// Raised whenever the planner may act otherwise on some row with the same settings: stored
+    /// episodes are then not used again.
     fn version(self) -> u32 {
         match self {
             Self::Straight | Self::Brake | Self::GoalSeeker | Self::Dwa | Self::Orca | Self::SocialForce => 1,

@@ -1,7 +1,8 @@
 //! `orca`: optimal reciprocal collision avoidance from everyone's true position and velocity.
 //!
-//! It knows positions, which a robot with a laser does not: a yardstick, no competitor. Most people of the test crowds do not see
-//! the robot, so that it does not count on their half of the avoiding ([`OrcaRobotConfig::responsibility`]).
+//! It knows positions, which a robot with a laser does not: a yardstick, no competitor. Most people
+//! of the test crowds do not see the robot, so that it does not count on their half of the avoiding
+//! ([`OrcaRobotConfig::responsibility`]).
 
 use std::sync::Arc;
 
@@ -16,8 +17,9 @@ use crate::error::ArenaError;
 use crate::robot::RobotView;
 use crate::room::RoomPlan;
 
-/// Parameters of the robot and of the people as it takes them. Radius, horizon and share of the avoiding were chosen on the validation
-/// crowds by `examples/tune_positions.rs` (docs/planners.md).
+/// Parameters of the robot and of the people as it takes them. Radius, horizon and share of the
+/// avoiding were chosen on the validation crowds by `examples/tune_positions.rs`
+/// (docs/planners.md).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct OrcaRobotConfig {
     /// Radius of the robot's disc (m): its crash range, and a margin.
@@ -28,7 +30,8 @@ pub struct OrcaRobotConfig {
     pub time_horizon: f32,
     /// The same for walls and obstacles (s).
     pub time_horizon_obstacles: f32,
-    /// Share of the avoiding that the robot takes on itself: ½ is reciprocal, 1 expects nothing of others.
+    /// Share of the avoiding that the robot takes on itself: ½ is reciprocal, 1 expects nothing of
+    /// others.
     pub responsibility: f32,
 }
 

@@ -1,4 +1,5 @@
-//! A planner's reading of an observation row: ranges in metres, directions of beams, the goal, the velocity.
+//! A planner's reading of an observation row: ranges in metres, directions of beams, the goal, the
+//! velocity.
 
 use glam::Vec2;
 use jostle_sim::{FRAMES, SimConfig};
@@ -7,7 +8,8 @@ use jostle_sim::{FRAMES, SimConfig};
 ///
 /// # Shapes
 ///
-/// A row is `[scan oldest … newest (3·beams) | goal x, goal y | v, ω]`; a scan holds range/limit − ½.
+/// A row is `[scan oldest … newest (3·beams) | goal x, goal y | v, ω]`; a scan holds range/limit −
+/// ½.
 #[derive(Clone, Debug)]
 pub struct RowReader {
     directions: Vec<Vec2>,

@@ -1,4 +1,5 @@
-//! The way of each candidate command: rolled out once, since in the robot's frame it is the same at every step.
+//! The way of each candidate command: rolled out once, since in the robot's frame it is the same at
+//! every step.
 
 use glam::Vec2;
 

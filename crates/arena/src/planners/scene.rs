@@ -7,7 +7,8 @@ const BEAMS: usize = 512;
 const LIMIT: f32 = 10.0;
 const DT: f32 = 0.1;
 
-/// A robot at the origin, heading along x, and what is around it now; the past follows from the velocities.
+/// A robot at the origin, heading along x, and what is around it now; the past follows from the
+/// velocities.
 #[derive(Clone, Debug)]
 pub(crate) struct Scene {
     goal: [f32; 2],

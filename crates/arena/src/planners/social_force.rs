@@ -1,7 +1,7 @@
 //! `social-force`: Helbing and Molnár's forces from everyone's true position and velocity.
 //!
-//! It knows positions, which a robot with a laser does not: a yardstick, no competitor. It does not know where others want to go:
-//! they are taken to go on as they do.
+//! It knows positions, which a robot with a laser does not: a yardstick, no competitor. It does not
+//! know where others want to go: they are taken to go on as they do.
 
 use glam::{DVec2, Vec2};
 use jostle_peds::social_force::{Border, DesiredSpeed, SocialForce, SocialForceConfig, Walker};
@@ -17,8 +17,9 @@ use crate::room::RoomPlan;
 /// Distance at which the goal of others is taken to be, in the direction that they walk (m).
 const GOAL_OF_OTHERS: f32 = 10.0;
 
-/// The differences from the pedestrians of crowd SF, which are points: the robot crashes at 0.5 m. Range and potential between the robot
-/// and a pedestrian were chosen on the validation crowds by `examples/tune_positions.rs` (docs/planners.md).
+/// The differences from the pedestrians of crowd SF, which are points: the robot crashes at 0.5 m.
+/// Range and potential between the robot and a pedestrian were chosen on the validation crowds by
+/// `examples/tune_positions.rs` (docs/planners.md).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct SocialForceRobotConfig {
     /// Range σ of the potential between the robot and a pedestrian (m).

@@ -1,12 +1,13 @@
-//! From a velocity that a holonomic model asks for to the command of a robot that can only turn and drive on.
+//! From a velocity that a holonomic model asks for to the command of a robot that can only turn and
+//! drive on.
 
 use glam::Vec2;
 use jostle_sim::{RobotConfig, wrap_angle};
 
 use super::reader::angle_of;
 
-/// Turns towards a velocity (in the world's frame) as fast as that takes no more than one control period, and drives the part
-/// of it that lies ahead.
+/// Turns towards a velocity (in the world's frame) as fast as that takes no more than one control
+/// period, and drives the part of it that lies ahead.
 pub(super) fn steer(velocity: Vec2, heading: f32, robot: &RobotConfig, dt: f32) -> [f32; 2] {
     if velocity == Vec2::ZERO {
         return [0.0; 2];

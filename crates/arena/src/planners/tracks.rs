@@ -1,13 +1,15 @@
-//! Moving things in a scan: clusters of neighbouring returns, and their velocities from the scan before.
+//! Moving things in a scan: clusters of neighbouring returns, and their velocities from the scan
+//! before.
 //!
-//! A row tells exactly how the robot moved between its last two scans: v·dt along the heading that it had, then a turn of
-//! ω·dt. So a return of the scan before is known in the present frame, and what is left of a cluster's displacement is its
-//! own. Only clusters that are small in both scans are matched: the ends of a wall wander as the robot moves.
+//! A row tells exactly how the robot moved between its last two scans: v·dt along the heading that
+//! it had, then a turn of ω·dt. So a return of the scan before is known in the present frame, and
+//! what is left of a cluster's displacement is its own. Only clusters that are small in both scans
+//! are matched: the ends of a wall wander as the robot moves.
 //!
 //! # References
 //!
-//! D. Fox, W. Burgard, S. Thrun, "The dynamic window approach to collision avoidance", 1997, doi:10.1109/100.580977, leaves
-//! moving obstacles out; this module is what the planner `dwa` adds.
+//! D. Fox, W. Burgard, S. Thrun, "The dynamic window approach to collision avoidance", 1997,
+//! doi:10.1109/100.580977, leaves moving obstacles out; this module is what the planner `dwa` adds.
 
 use glam::Vec2;
 
@@ -18,7 +20,8 @@ use super::reader::RowReader;
 pub struct TrackConfig {
     /// Neighbouring returns farther apart than this are of two clusters (m).
     pub gap: f32,
-    /// Only clusters up to this size may move (m). What is seen of a square of 0.5 m is 0.71 m across at most.
+    /// Only clusters up to this size may move (m). What is seen of a square of 0.5 m is 0.71 m
+    /// across at most.
     pub size_max: f32,
     /// The same thing moves at most so far between two scans (m).
     pub shift_max: f32,
@@ -41,14 +44,16 @@ pub struct Cluster {
     pub centre: Vec2,
     /// Distance of its outermost returns (m).
     pub size: f32,
-    /// Velocity over ground along the robot's axes (m/s); `None` where the scan before has nothing that fits.
+    /// Velocity over ground along the robot's axes (m/s); `None` where the scan before has nothing
+    /// that fits.
     pub velocity: Option<Vec2>,
 }
 
 /// The newest scan of a row: its returns and their clusters. It keeps its memory from row to row.
 #[derive(Clone, Debug, Default)]
 pub struct ScanTracks {
-    /// The end of each beam, in the robot's frame (m); `None` where it met nothing within the laser's range.
+    /// The end of each beam, in the robot's frame (m); `None` where it met nothing within the
+    /// laser's range.
     pub returns: Vec<Option<Vec2>>,
     /// Counter-clockwise by their first beam.
     pub clusters: Vec<Cluster>,
@@ -163,7 +168,8 @@ mod tests {
         let seen = Vec2::new(3.0, 0.5) * (1.0 - 0.25 * std::f32::consts::FRAC_PI_4 / 3.04);
         assert!(walker.centre.distance(seen) < 0.03, "{walker:?}");
         assert!((0.45..=0.5).contains(&walker.size), "{walker:?}");
-        // Which beams meet it changes from scan to scan: that alone moves its middle by some millimetres.
+        // Which beams meet it changes from scan to scan: that alone moves its middle by some
+        // millimetres.
         assert!(walker.velocity.unwrap().distance(Vec2::new(-0.5, 0.8)) < 0.15, "{walker:?}");
     }
 

@@ -1,7 +1,9 @@
-//! A room that someone changes while it runs: another goal for the robot, one more pedestrian, one more obstacle.
+//! A room that someone changes while it runs: another goal for the robot, one more pedestrian, one
+//! more obstacle.
 //!
-//! All draws come from named streams, as in a test; so a room is a function of its seed and of the changes with the
-//! steps between them. Episodes that start later in the same plan have the pedestrians and obstacles that were added.
+//! All draws come from named streams, as in a test; so a room is a function of its seed and of the
+//! changes with the steps between them. Episodes that start later in the same plan have the
+//! pedestrians and obstacles that were added.
 
 use glam::Vec2;
 use jostle_peds::Pedestrian;
@@ -19,7 +21,8 @@ impl ArenaRoom {
     ///
     /// # Errors
     ///
-    /// A goal that the robot cannot reach without a crash: too near to a wall or an obstacle, or beyond one.
+    /// A goal that the robot cannot reach without a crash: too near to a wall or an obstacle, or
+    /// beyond one.
     pub fn set_goal(&mut self, plan: &RoomPlan, goal: Vec2) -> Result<(), ArenaError> {
         let least = plan.config.sim.episode.crash_range;
         if !goal.is_finite() || self.world.clearance(goal) < least {
@@ -36,7 +39,8 @@ impl ArenaRoom {
         Ok(())
     }
 
-    /// Puts one more pedestrian into the room and the plan; it gets a heading, a goal and a speed factor of its own.
+    /// Puts one more pedestrian into the room and the plan; it gets a heading, a goal and a speed
+    /// factor of its own.
     ///
     /// # Errors
     ///
@@ -79,13 +83,14 @@ impl ArenaRoom {
         Ok(())
     }
 
-    /// Puts an obstacle into the room and the plan. Pedestrians whose goals it covers get new ones. A crowd that knows
-    /// obstacles has to be made anew from the plan.
+    /// Puts an obstacle into the room and the plan. Pedestrians whose goals it covers get new ones.
+    /// A crowd that knows obstacles has to be made anew from the plan.
     ///
     /// # Errors
     ///
-    /// A place that is taken, too near to the robot or on its goal, or that would cut the robot off from it; a room in which
-    /// starts and goals would no longer find their places; a shape that the world refuses. Nothing is changed then.
+    /// A place that is taken, too near to the robot or on its goal, or that would cut the robot off
+    /// from it; a room in which starts and goals would no longer find their places; a shape that
+    /// the world refuses. Nothing is changed then.
     pub fn add_obstacle(&mut self, plan: &mut RoomPlan, shape: &Shape, pose: Pose) -> Result<(), ArenaError> {
         shape.validate("obstacle")?;
         let size = shape.circumradius();
@@ -115,7 +120,8 @@ impl ArenaRoom {
         Ok(())
     }
 
-    /// Refuses a place for a thing that reaches `size` around it where it would touch something or crash the robot.
+    /// Refuses a place for a thing that reaches `size` around it where it would touch something or
+    /// crash the robot.
     fn check_place(
         &self,
         plan: &RoomPlan,

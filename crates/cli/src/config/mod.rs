@@ -1,8 +1,10 @@
-//! `cargo xtask config`: every key of a configuration with its meaning, its range and where its default comes from.
+//! `cargo xtask config`: every key of a configuration with its meaning, its range and where its
+//! default comes from.
 //!
-//! The explanations are the doc comments of the configuration's own types, by way of their JSON Schema, and what a key accepts is
-//! what the configuration's own checks answer. Reading order: this file (what is asked for), [`jostle_runs::keys`] (the schema),
-//! [`range`] (the checks, and the test that the schema's bounds are theirs), [`schema`] (what is printed).
+//! The explanations are the doc comments of the configuration's own types, by way of their JSON
+//! Schema, and what a key accepts is what the configuration's own checks answer. Reading order:
+//! this file (what is asked for), [`jostle_runs::keys`] (the schema), [`range`] (the checks, and
+//! the test that the schema's bounds are theirs), [`schema`] (what is printed).
 
 mod range;
 mod schema;

@@ -1,4 +1,5 @@
-//! The values that a key accepts, asked of the configuration's own checks by handing them a value that none of them takes.
+//! The values that a key accepts, asked of the configuration's own checks by handing them a value
+//! that none of them takes.
 
 use jostle_ppo::{Config, PpoError};
 use jostle_runs::keys::Key;
@@ -54,7 +55,8 @@ mod tests {
         format!("{:?}", number + f64::from(sign) * number.abs().max(1.0) * 1e-3)
     }
 
-    /// The schema's bounds are those of the checks: at a bound a value is taken, beyond it it is refused.
+    /// The schema's bounds are those of the checks: at a bound a value is taken, beyond it it is
+    /// refused.
     #[test]
     fn the_schemas_bounds_are_the_checks() {
         let keys = keys().unwrap();

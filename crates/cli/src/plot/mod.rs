@@ -1,7 +1,9 @@
-//! `cargo xtask plot`: learning curves of runs, the bars of a table, the tokens of a policy, as SVG and PNG.
+//! `cargo xtask plot`: learning curves of runs, the bars of a table, the tokens of a policy, as SVG
+//! and PNG.
 //!
-//! Reading order: this file (what is asked for), [`curves`] (what is measured and smoothed), [`tokens`] (a policy's
-//! evaluations as a grid), [`draw`] (the pictures; the only place that knows the plotting library), [`picture`] (files).
+//! Reading order: this file (what is asked for), [`curves`] (what is measured and smoothed),
+//! [`tokens`] (a policy's evaluations as a grid), [`draw`] (the pictures; the only place that knows
+//! the plotting library), [`picture`] (files).
 
 mod tokens;
 
@@ -26,8 +28,8 @@ use jostle_view::draw::paths::PathFigure;
     cargo xtask plot runs/evaluation/ours-z0.json runs/evaluation/ours-z1.json\n\n\
     Runs that differ in their seed alone are one curve: the mean, in a band from the least to the greatest.")]
 pub struct PlotArgs {
-    /// Run folders, folders of run folders, the folder of shipped policies, or JSON files: a table of success rates, what `evaluate` wrote for the tokens
-    /// of a policy, the ways of a robot.
+    /// Run folders, folders of run folders, the folder of shipped policies, or JSON files: a table
+    /// of success rates, what `evaluate` wrote for the tokens of a policy, the ways of a robot.
     #[arg(required = true)]
     what: Vec<PathBuf>,
     /// Updates over which curves are smoothed; 1 shows every update as it was.

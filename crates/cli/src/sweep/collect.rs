@@ -1,5 +1,6 @@
-//! The results of a plan: a table with a row for each policy of each run, what training measured around it, and, where the plan
-//! asks for it, its success among each crowd; how the variants compare; and a figure of success against transitions.
+//! The results of a plan: a table with a row for each policy of each run, what training measured
+//! around it, and, where the plan asks for it, its success among each crowd; how the variants
+//! compare; and a figure of success against transitions.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -19,7 +20,8 @@ use jostle_runs::run_folder::write_atomically;
 use jostle_view::curves::{Axis, Curve, Panel, Panels};
 use jostle_view::draw;
 
-/// Writes table and figure into a folder, by default that of the runs, and returns the table for a terminal.
+/// Writes table and figure into a folder, by default that of the runs, and returns the table for a
+/// terminal.
 pub(super) fn store(plan: &Plan, folder: Option<&Path>) -> Result<String> {
     let table = Table::new(plan)?;
     let folder = folder.unwrap_or(&plan.out);
@@ -189,8 +191,9 @@ impl<'p> Table<'p> {
         names
     }
 
-    /// Number of transitions at which variants are compared: the furthest at which all that have been
-    /// tested at all were tested; `None` where all have been tested at the end of their training.
+    /// Number of transitions at which variants are compared: the furthest at which all that have
+    /// been tested at all were tested; `None` where all have been tested at the end of their
+    /// training.
     fn compared_at(&self) -> Option<u64> {
         let tested = |variant: &str| {
             let of_variant = |point: &&Point<'_>| point.task.variant == variant && point.evaluation.is_some();
@@ -208,8 +211,8 @@ impl<'p> Table<'p> {
         known.into_iter().rev().find(|&at| reached(at))
     }
 
-    /// The average of each seed of a variant after so many transitions; by default those whose training
-    /// is done.
+    /// The average of each seed of a variant after so many transitions; by default those whose
+    /// training is done.
     fn averages(&self, variant: &str, at: Option<u64>) -> Vec<f64> {
         let chosen = |point: &&Point<'_>| {
             let there = at.map_or(point.updates == point.task.config.updates, |at| point.transitions == at);
@@ -222,7 +225,8 @@ impl<'p> Table<'p> {
             .collect()
     }
 
-    /// Each variant after as many transitions, over its seeds, and the planners; `None` where nothing was tested.
+    /// Each variant after as many transitions, over its seeds, and the planners; `None` where
+    /// nothing was tested.
     fn summary(&self) -> Option<Grid> {
         if self.crowds.is_empty() {
             return None;
@@ -298,7 +302,8 @@ impl<'p> Table<'p> {
         Some(grid)
     }
 
-    /// Success among each crowd, success among its own kind and D against transitions; `None` where nothing was tested.
+    /// Success among each crowd, success among its own kind and D against transitions; `None` where
+    /// nothing was tested.
     fn panels(&self) -> Option<Panels> {
         let variants = self.variants();
         let trained = self.points.iter().filter(|point| point.updates > 0);

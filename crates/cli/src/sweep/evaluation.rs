@@ -1,4 +1,5 @@
-//! A plan's tests of its trained runs: `[evaluate]`, whose keys are the options of `cargo xtask evaluate`.
+//! A plan's tests of its trained runs: `[evaluate]`, whose keys are the options of `cargo xtask
+//! evaluate`.
 
 use std::path::{Path, PathBuf};
 

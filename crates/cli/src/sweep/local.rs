@@ -26,7 +26,8 @@ const ENDED: [i32; 2] = [stop::STOPPED as i32, stop::INTERRUPTED];
 /// Time between two rounds of lines, one for each run, where standard error is no terminal.
 const ROUND: Duration = Duration::from_secs(30);
 
-/// Does what is not done yet, `jobs` runs at a time; the exit status tells whether all is done then.
+/// Does what is not done yet, `jobs` runs at a time; the exit status tells whether all is done
+/// then.
 pub(super) fn run(plan: &Plan, jobs: usize) -> Result<ExitCode> {
     let mut waiting = VecDeque::new();
     let (mut done, mut elsewhere) = (0, Vec::new());
@@ -120,8 +121,8 @@ fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
-/// This program. A sweep takes days, and the file may be replaced by a newer build meanwhile: all runs of one call must be
-/// made by the same one.
+/// This program. A sweep takes days, and the file may be replaced by a newer build meanwhile: all
+/// runs of one call must be made by the same one.
 pub(super) fn this_program() -> Result<PathBuf> {
     if cfg!(target_os = "linux") {
         return Ok(PathBuf::from("/proc/self/exe"));

@@ -1,8 +1,10 @@
-//! `cargo xtask sweep`: many training runs by one plan, each in its own run folder, with one table of results.
+//! `cargo xtask sweep`: many training runs by one plan, each in its own run folder, with one table
+//! of results.
 //!
-//! A run is a process of its own (`sweep task PLAN NAME`), started here some at a time or by something else: a line of a
-//! shell, GNU parallel. It trains what is missing in its folder, then tests what the plan asks for; what is done is left
-//! alone. So a sweep may be killed at any moment, started again, and started twice.
+//! A run is a process of its own (`sweep task PLAN NAME`), started here some at a time or by
+//! something else: a line of a shell, GNU parallel. It trains what is missing in its folder, then
+//! tests what the plan asks for; what is done is left alone. So a sweep may be killed at any
+//! moment, started again, and started twice.
 //!
 //! ```text
 //! OUT/m5-seed1/                  a run folder (jostle_runs::run_folder)
@@ -15,8 +17,9 @@
 //! OUT/slurm/                     what was submitted to a cluster
 //! ```
 //!
-//! Reading order: [`plan`] (the file; [`section`] reads it key by key), [`spec`] and [`task`] (one run), [`local`] (processes on this
-//! machine), [`slurm`] (jobs of a cluster), [`status`], [`collect`] (the table), [`evaluation`].
+//! Reading order: [`plan`] (the file; [`section`] reads it key by key), [`spec`] and [`task`] (one
+//! run), [`local`] (processes on this machine), [`slurm`] (jobs of a cluster), [`status`],
+//! [`collect`] (the table), [`evaluation`].
 
 mod collect;
 mod evaluation;
@@ -60,7 +63,8 @@ pub struct SweepArgs {
     /// Runs at a time.
     #[arg(long, value_name = "N", default_value = "1")]
     jobs: NonZeroUsize,
-    /// Start nothing; print a shell line for each run that is not done, for GNU parallel and its like.
+    /// Start nothing; print a shell line for each run that is not done, for GNU parallel and its
+    /// like.
     #[arg(long, conflicts_with = "slurm")]
     print: bool,
     /// Submit the runs that are not done as one job array of Slurm.
@@ -79,7 +83,8 @@ enum Action {
     Collect {
         /// The plan.
         plan: PathBuf,
-        /// Folder for results.csv, results.md, summary.md and results.svg (default: the plan's `out`).
+        /// Folder for results.csv, results.md, summary.md and results.svg (default: the plan's
+        /// `out`).
         #[arg(long, value_name = "DIR")]
         store: Option<PathBuf>,
     },
@@ -87,8 +92,8 @@ enum Action {
     Task(task::TaskArgs),
 }
 
-/// Submits runs to Slurm, which are not those of a plan's file: each a variant's name and its configuration for a seed. The plan
-/// that they make up is written to `OUT/plan/`.
+/// Submits runs to Slurm, which are not those of a plan's file: each a variant's name and its
+/// configuration for a seed. The plan that they make up is written to `OUT/plan/`.
 pub(crate) fn submit(out: &Path, runs: Vec<(String, Config)>, slurm: SlurmPlan) -> Result<()> {
     let folder = out.join("plan");
     std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;

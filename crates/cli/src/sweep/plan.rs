@@ -1,4 +1,5 @@
-//! The plan of a sweep: a file of variants × seeds, read and checked as a whole before anything starts.
+//! The plan of a sweep: a file of variants × seeds, read and checked as a whole before anything
+//! starts.
 //!
 //! ```toml
 //! base = "configs/headline.toml"     # what the variants change
@@ -73,7 +74,8 @@ pub(super) struct Plan {
 }
 
 impl Plan {
-    /// Reads a plan and checks all of it: keys, configurations, crowds, and that no run folder holds another run.
+    /// Reads a plan and checks all of it: keys, configurations, crowds, and that no run folder
+    /// holds another run.
     ///
     /// # Errors
     /// The first mistake, in one line.

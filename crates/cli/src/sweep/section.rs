@@ -1,5 +1,5 @@
-//! A part of a plan file, read key by key, so that every mistake is named with its place: file, field, what was found, what
-//! was expected, and for an unknown key the nearest one that there is.
+//! A part of a plan file, read key by key, so that every mistake is named with its place: file,
+//! field, what was found, what was expected, and for an unknown key the nearest one that there is.
 
 use anyhow::{Result, bail};
 use serde::de::DeserializeOwned;

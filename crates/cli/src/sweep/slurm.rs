@@ -1,10 +1,11 @@
 //! A plan's runs as one job array of Slurm (<https://slurm.schedmd.com/job_array.html>).
 //!
-//! A submission takes a copy of everything that the runs read: this program (`OUT/slurm/program-HASH`), the plan and the
-//! variants' configurations (`OUT/slurm/N/`), so that neither a new build nor an edited file reaches jobs that still wait.
-//! Each element of the array does one run of the plan, as `sweep task` does anywhere. It may be killed, requeued, or started
-//! twice: it goes on from its run folder's last checkpoint, and waits where another process still holds the folder. Two
-//! minutes before the time limit it lets go and queues itself again.
+//! A submission takes a copy of everything that the runs read: this program
+//! (`OUT/slurm/program-HASH`), the plan and the variants' configurations (`OUT/slurm/N/`), so that
+//! neither a new build nor an edited file reaches jobs that still wait. Each element of the array
+//! does one run of the plan, as `sweep task` does anywhere. It may be killed, requeued, or started
+//! twice: it goes on from its run folder's last checkpoint, and waits where another process still
+//! holds the folder. Two minutes before the time limit it lets go and queues itself again.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -100,7 +101,8 @@ pub(super) fn submit(plan: &Plan) -> Result<String> {
     ))
 }
 
-/// The runs of a plan that Slurm has queued or started, each with its job and Slurm's word for its state.
+/// The runs of a plan that Slurm has queued or started, each with its job and Slurm's word for its
+/// state.
 pub(super) fn queued(plan: &Plan) -> Result<BTreeMap<String, String>> {
     let jobs = jobs(plan)?;
     if jobs.is_empty() || on_path(&["squeue"]).is_none() {

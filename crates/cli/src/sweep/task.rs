@@ -25,7 +25,8 @@ pub(super) struct TaskArgs {
     /// Worker threads (default: the plan's, else all cores). The result does not depend on it.
     #[arg(long, value_name = "N")]
     threads: Option<NonZeroUsize>,
-    /// Test the policies that are there, milestones of unfinished runs among them, and train nothing.
+    /// Test the policies that are there, milestones of unfinished runs among them, and train
+    /// nothing.
     #[arg(long, conflicts_with = "wait")]
     only_tests: bool,
     /// Wait where another process works in the run's folder, instead of failing.

@@ -1,13 +1,14 @@
 //! TensorBoard's event file: protocol buffers (`Event`, `Summary`) in the TFRecord framing.
 //!
-//! A record is the length (u64), its masked CRC-32C (u32), the bytes, their masked CRC-32C; all little-endian. An event
-//! has the fields 1 `wall_time` (double), 2 `step` (int64), 3 `file_version` (string), 5 `summary` (message); a summary
-//! has repeated 1 `value` with 1 `tag` (string) and 2 `simple_value` (float).
+//! A record is the length (u64), its masked CRC-32C (u32), the bytes, their masked CRC-32C; all
+//! little-endian. An event has the fields 1 `wall_time` (double), 2 `step` (int64), 3
+//! `file_version` (string), 5 `summary` (message); a summary has repeated 1 `value` with 1 `tag`
+//! (string) and 2 `simple_value` (float).
 //!
 //! # References
 //!
-//! TensorFlow, `tensorflow/core/lib/io/record_writer.h`, `core/util/event.proto`, `core/framework/summary.proto`;
-//! CRC-32C: RFC 3720, appendix B.4.
+//! TensorFlow, `tensorflow/core/lib/io/record_writer.h`, `core/util/event.proto`,
+//! `core/framework/summary.proto`; CRC-32C: RFC 3720, appendix B.4.
 
 /// Wire types of protocol buffers.
 const VARINT: u8 = 0;

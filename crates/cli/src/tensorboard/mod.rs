@@ -18,7 +18,8 @@ use jostle_runs::output;
 
 /// Depth to which folders are searched for runs.
 const DEPTH: usize = 5;
-/// The one name that an event file has, so that a second call replaces the first's. TensorBoard asks for `tfevents` in it.
+/// The one name that an event file has, so that a second call replaces the first's. TensorBoard
+/// asks for `tfevents` in it.
 const FILE: &str = "events.out.tfevents.0000000000.jostle";
 
 /// Arguments of `tensorboard`.
@@ -55,7 +56,8 @@ pub(crate) fn run(args: &TensorboardArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// All reports as events. The wall time counts the seconds of training from 0, so that the same log gives the same file.
+/// All reports as events. The wall time counts the seconds of training from 0, so that the same log
+/// gives the same file.
 fn events_of(reports: &[UpdateReport]) -> Vec<u8> {
     let mut file = EventFile::new();
     let mut seconds = 0.0;

@@ -12,7 +12,8 @@ pub(crate) fn jostle(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_jostle")).args(arguments).output().unwrap()
 }
 
-/// Runs `jostle`, which must fail with exactly one line on standard error that holds all of `parts`, and print nothing else.
+/// Runs `jostle`, which must fail with exactly one line on standard error that holds all of
+/// `parts`, and print nothing else.
 #[track_caller]
 pub(crate) fn refused(arguments: &[&str], parts: &[&str]) {
     let output = jostle(arguments);

@@ -1,8 +1,10 @@
-//! Tables whose rows may rest on several training seeds: our value, its 95 % interval, the paper's value.
+//! Tables whose rows may rest on several training seeds: our value, its 95 % interval, the paper's
+//! value.
 //!
-//! A value is the mean over training seeds of each seed's value. Its interval: with one seed that of the episodes (Wilson's
-//! for a rate, Student's for a mean); with several Student's over the seeds' values, since what differs between trainings is
-//! what a reader of a single table cannot see.
+//! A value is the mean over training seeds of each seed's value. Its interval: with one seed that
+//! of the episodes (Wilson's for a rate, Student's for a mean); with several Student's over the
+//! seeds' values, since what differs between trainings is what a reader of a single table cannot
+//! see.
 
 use serde::{Deserialize, Serialize};
 
@@ -89,8 +91,9 @@ impl PooledCell {
         self
     }
 
-    /// Means of several cells, seed by seed: the average over crowds. Its interval with one seed is that of the mean of
-    /// independent rates, by the normal distribution. `None` where a cell is missing or seeds differ.
+    /// Means of several cells, seed by seed: the average over crowds. Its interval with one seed is
+    /// that of the mean of independent rates, by the normal distribution. `None` where a cell is
+    /// missing or seeds differ.
     pub fn average(cells: &[Option<&Self>]) -> Option<Self> {
         let cells: Vec<&Self> = cells.iter().copied().collect::<Option<_>>()?;
         let (first, n) = (cells.first()?, cells.len() as f64);
@@ -183,7 +186,8 @@ impl PooledTable {
         serde_json::to_string_pretty(self).expect("a table is always JSON") + "\n"
     }
 
-    /// As CSV: a line for each row, column and training seed, and one (seed empty) for all seeds together.
+    /// As CSV: a line for each row, column and training seed, and one (seed empty) for all seeds
+    /// together.
     pub fn csv(&self) -> String {
         let heads = [
             "column",
@@ -343,7 +347,8 @@ impl PooledTable {
         lines
     }
 
-    /// The table's notes, those of its rows, and the provenance of every policy once, at the first row that it serves.
+    /// The table's notes, those of its rows, and the provenance of every policy once, at the first
+    /// row that it serves.
     fn all_notes(&self) -> Vec<String> {
         let mut notes = self.notes.clone();
         let mut named: Vec<&str> = Vec::new();

@@ -50,7 +50,8 @@ pub struct SuiteScore {
 }
 
 impl SuiteScore {
-    /// The score of cells, each with its scene, its crowd and its success rate; `None` where there is none.
+    /// The score of cells, each with its scene, its crowd and its success rate; `None` where there
+    /// is none.
     pub fn new<'a>(cells: impl IntoIterator<Item = (&'a str, CrowdName, f64)>) -> Option<Self> {
         let mut all = Vec::new();
         let mut worst: Option<WorstCell> = None;
@@ -83,8 +84,8 @@ pub struct SuiteReport {
     pub score: Option<SuiteScore>,
 }
 
-/// Conditional value at risk of success rates: the mean of the lowest `share` of them. Where that is no whole number of
-/// values, the last one counts for the part that is left.
+/// Conditional value at risk of success rates: the mean of the lowest `share` of them. Where that
+/// is no whole number of values, the last one counts for the part that is left.
 ///
 /// # Formula
 ///

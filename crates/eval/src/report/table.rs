@@ -1,4 +1,5 @@
-//! The tables of success rates (paper, Tables I–III): ours, its interval and the paper's figure, one above the other.
+//! The tables of success rates (paper, Tables I–III): ours, its interval and the paper's figure,
+//! one above the other.
 
 use std::fmt::Write as _;
 
@@ -227,7 +228,8 @@ pub(super) fn cell_notes(label: &str, policy: Option<&PolicyIdentity>, cell: &Ce
     notes
 }
 
-/// In what way a policy was trained among what it is tested with in a cell; `None` where its crowd is new to it.
+/// In what way a policy was trained among what it is tested with in a cell; `None` where its crowd
+/// is new to it.
 pub(super) fn seen_in_training(policy: &PolicyIdentity, cell: &CellResult) -> Option<String> {
     let rule = match cell.crowd.built_in() {
         Some(CrowdKind::Straight) => "straight",

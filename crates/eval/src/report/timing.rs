@@ -1,4 +1,5 @@
-//! Wall times of cells. They go to a file of their own, never into a report that must be the same twice.
+//! Wall times of cells. They go to a file of their own, never into a report that must be the same
+//! twice.
 
 use serde::{Deserialize, Serialize};
 

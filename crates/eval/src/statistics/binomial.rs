@@ -1,5 +1,5 @@
-//! The symmetric binomial distribution and the χ² distribution with one degree of freedom, accurate in relative
-//! terms far into their tails and for counts of any size.
+//! The symmetric binomial distribution and the χ² distribution with one degree of freedom, accurate
+//! in relative terms far into their tails and for counts of any size.
 
 use std::f64::consts::{LN_2, TAU};
 
@@ -7,9 +7,9 @@ use std::f64::consts::{LN_2, TAU};
 ///
 /// # Formula
 ///
-/// Loader's saddle-point form: √(n / 2πk(n−k)) · exp(δ(n) − δ(k) − δ(n−k) − d(k) − d(n−k)), δ the error of
-/// Stirling's formula and d(x) = x·ln(2x/n) + n/2 − x. Differences of log-gammas would lose digits that grow
-/// with n·ln n.
+/// Loader's saddle-point form: √(n / 2πk(n−k)) · exp(δ(n) − δ(k) − δ(n−k) − d(k) − d(n−k)), δ the
+/// error of Stirling's formula and d(x) = x·ln(2x/n) + n/2 − x. Differences of log-gammas would
+/// lose digits that grow with n·ln n.
 ///
 /// # Panics
 ///
@@ -34,7 +34,8 @@ pub fn pmf_half(k: u64, n: u64) -> f64 {
 
 /// P(X ≤ k) for X binomial with n trials of probability ½ and k ≤ n/2.
 ///
-/// The sum starts at its largest term, k, and walks down by the ratio of neighbours until a term no longer counts.
+/// The sum starts at its largest term, k, and walks down by the ratio of neighbours until a term no
+/// longer counts.
 ///
 /// # Panics
 ///

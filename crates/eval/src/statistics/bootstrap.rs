@@ -1,15 +1,17 @@
-//! The hierarchical bootstrap: training seeds are drawn again, and within them the test episodes, which are the same for
-//! all policies.
+//! The hierarchical bootstrap: training seeds are drawn again, and within them the test episodes,
+//! which are the same for all policies.
 //!
-//! Episode k has one start, goal and spawn for every policy and crowd; a round therefore draws one set of episodes and
-//! applies it to all of them (paired). Seeds are drawn for each row by itself, since runs of different rows have nothing in
-//! common. Every draw comes from a fixed ChaCha8 stream, so that a report is the same bytes each time.
+//! Episode k has one start, goal and spawn for every policy and crowd; a round therefore draws one
+//! set of episodes and applies it to all of them (paired). Seeds are drawn for each row by itself,
+//! since runs of different rows have nothing in common. Every draw comes from a fixed ChaCha8
+//! stream, so that a report is the same bytes each time.
 //!
 //! # Caveat
 //!
-//! With three seeds the percentile interval is too short: drawing three of three understates the spread between seeds by a
-//! third, and there are ten different draws in all. The test `coverage_is_what_the_documentation_says` measures it. A
-//! verdict therefore asks for Welch's interval, too ([`Contrast`](super::Contrast)).
+//! With three seeds the percentile interval is too short: drawing three of three understates the
+//! spread between seeds by a third, and there are ten different draws in all. The test
+//! `coverage_is_what_the_documentation_says` measures it. A verdict therefore asks for Welch's
+//! interval, too ([`Contrast`](super::Contrast)).
 
 use jostle_sim::Streams;
 use rand::Rng;
@@ -48,7 +50,8 @@ impl EpisodeDraws {
         Self { n_episodes, counts }
     }
 
-    /// The mean of the values that are there, in every round; NaN in a round that draws none of them.
+    /// The mean of the values that are there, in every round; NaN in a round that draws none of
+    /// them.
     ///
     /// # Panics
     ///
@@ -87,7 +90,8 @@ pub fn over_seeds(groups: &[Vec<Vec<f64>>]) -> Vec<f64> {
         .collect()
 }
 
-/// The percentile interval of bootstrap samples; `None` where a sample is not a number or there are none.
+/// The percentile interval of bootstrap samples; `None` where a sample is not a number or there are
+/// none.
 pub fn percentile_interval(samples: &[f64], level: f64) -> Option<Interval> {
     if samples.is_empty() || samples.iter().any(|sample| sample.is_nan()) {
         return None;
@@ -145,7 +149,8 @@ mod tests {
         assert!((interval.high - interval.low - 2.0 * 1.96 * 0.025).abs() < 0.006, "{interval:?}");
     }
 
-    /// Share of simulated studies whose interval holds the true difference, by Welch, by bootstrap, and by both.
+    /// Share of simulated studies whose interval holds the true difference, by Welch, by bootstrap,
+    /// and by both.
     fn coverage(n_seeds: usize) -> [f64; 3] {
         const STUDIES: u32 = 300;
         let mut rng = Streams::new(1).stream("test.coverage", &[n_seeds as u64]);

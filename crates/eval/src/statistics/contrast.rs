@@ -1,5 +1,5 @@
-//! A sum of means over training seeds with its interval: Welch's test of a difference, and what follows from it for
-//! any linear combination of rows.
+//! A sum of means over training seeds with its interval: Welch's test of a difference, and what
+//! follows from it for any linear combination of rows.
 
 use serde::{Deserialize, Serialize};
 
@@ -17,13 +17,14 @@ pub struct Contrast {
 }
 
 impl Contrast {
-    /// The sum of the means of independent groups; the values of a group are already multiplied by its weight, so that a
-    /// difference is two groups of which one is negated. `None` unless every group has at least two values: the spread
-    /// between seeds cannot be known from one.
+    /// The sum of the means of independent groups; the values of a group are already multiplied by
+    /// its weight, so that a difference is two groups of which one is negated. `None` unless every
+    /// group has at least two values: the spread between seeds cannot be known from one.
     ///
     /// # Formula
     ///
-    /// SE² = Σ s²/n, df = (Σ s²/n)² / Σ (s²/n)²/(n − 1), with the sample variances s² of the groups.
+    /// SE² = Σ s²/n, df = (Σ s²/n)² / Σ (s²/n)²/(n − 1), with the sample variances s² of the
+    /// groups.
     ///
     /// # References
     ///
@@ -46,7 +47,8 @@ impl Contrast {
         (!groups.is_empty()).then(|| Self { estimate, standard_error: variance.sqrt(), df })
     }
 
-    /// The interval that holds the true sum with probability `level`; a point where no group varies.
+    /// The interval that holds the true sum with probability `level`; a point where no group
+    /// varies.
     pub fn interval(&self, level: f64) -> Interval {
         let half = self.df.map_or(0.0, |df| student::critical(level, df) * self.standard_error);
         Interval { low: self.estimate - half, high: self.estimate + half }
@@ -66,7 +68,8 @@ const SPLITS_MAX: u64 = 1 << 20;
 pub struct Permutation {
     /// Share of all ways of dealing the values to the groups whose means differ at least as much.
     pub p: f64,
-    /// The least p that groups of these sizes can give: with 3 against 3 it is 0.1, so that no result is significant.
+    /// The least p that groups of these sizes can give: with 3 against 3 it is 0.1, so that no
+    /// result is significant.
     pub least_p: f64,
 }
 
@@ -107,7 +110,8 @@ mod tests {
 
     #[test]
     fn a_difference_by_hand() {
-        // Means 2 and 5, variances 1 and 4, n = 3 each: SE² = 1/3 + 4/3, df = (5/3)²/((1/9 + 16/9)/2).
+        // Means 2 and 5, variances 1 and 4, n = 3 each: SE² = 1/3 + 4/3, df = (5/3)²/((1/9 +
+        // 16/9)/2).
         let contrast = Contrast::from_groups(&[vec![-1.0, -2.0, -3.0], vec![3.0, 5.0, 7.0]]).unwrap();
         assert_eq!(contrast.estimate, 3.0);
         assert!((contrast.standard_error - (5.0_f64 / 3.0).sqrt()).abs() < 1e-15);
@@ -134,7 +138,8 @@ mod tests {
     fn three_against_three_cannot_be_significant() {
         let test = Permutation::new(&[1.0, 2.0, 3.0], &[7.0, 8.0, 9.0]).unwrap();
         assert_eq!((test.p, test.least_p), (0.1, 0.1));
-        // Of the 6 splits of {1, 2, 3, 4} into pairs, {1, 3} and {2, 4} are as extreme as observed, {1, 2} and {3, 4} more.
+        // Of the 6 splits of {1, 2, 3, 4} into pairs, {1, 3} and {2, 4} are as extreme as observed,
+        // {1, 2} and {3, 4} more.
         let test = Permutation::new(&[1.0, 3.0], &[2.0, 4.0]).unwrap();
         assert_eq!((test.p, test.least_p), (4.0 / 6.0, 2.0 / 6.0));
         assert_eq!(Permutation::new(&[], &[1.0]), None);

@@ -67,8 +67,8 @@ impl PairedCounts {
     ///
     /// # Formula
     ///
-    /// With b and c the discordant counts: exact p = min(1, 2·P(X ≤ min(b, c))), X binomial (b + c, ½); 1 where
-    /// there is no discordant pair.
+    /// With b and c the discordant counts: exact p = min(1, 2·P(X ≤ min(b, c))), X binomial (b + c,
+    /// ½); 1 where there is no discordant pair.
     ///
     /// # References
     ///
@@ -81,7 +81,8 @@ impl PairedCounts {
         }
         let difference = b.abs_diff(c) as f64;
         let n = discordant as f64;
-        // For b = c this is −1, and its square 1: the corrected statistic as it is usually defined, without a floor at 0.
+        // For b = c this is −1, and its square 1: the corrected statistic as it is usually defined,
+        // without a floor at 0.
         let corrected = difference - 1.0;
         Mcnemar {
             p_exact: (2.0 * cdf_half_lower(b.min(c), discordant)).min(1.0),

@@ -6,8 +6,8 @@ use super::{Interval, PairedCounts, wilson};
 ///
 /// # Formula
 ///
-/// Newcombe's method 10: the two Wilson intervals joined by squares, with the correlation φ of the 2 × 2 table
-/// (its numerator reduced by n/2 where positive).
+/// Newcombe's method 10: the two Wilson intervals joined by squares, with the correlation φ of the
+/// 2 × 2 table (its numerator reduced by n/2 where positive).
 ///
 /// # References
 ///
@@ -47,8 +47,8 @@ mod tests {
 
     #[test]
     fn newcombes_own_example() {
-        // Table II of the article, the 36/12/2/0 case read as (both, first only, second only, neither): first − second
-        // lies in (0.0569, 0.3404) by method 10.
+        // Table II of the article, the 36/12/2/0 case read as (both, first only, second only,
+        // neither): first − second lies in (0.0569, 0.3404) by method 10.
         let counts = PairedCounts { both: 36, first_only: 12, second_only: 2, neither: 0 };
         let interval = paired_difference(&counts).unwrap();
         assert!((interval.high + 0.0569).abs() < 5e-5, "{interval:?}");

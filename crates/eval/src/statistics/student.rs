@@ -1,4 +1,5 @@
-//! Student's t distribution with any positive number of degrees of freedom, from the incomplete beta function.
+//! Student's t distribution with any positive number of degrees of freedom, from the incomplete
+//! beta function.
 
 /// Terms after which the continued fraction is given up; it needs about √(a + b) of them.
 const TERMS_MAX: u32 = 10_000;
@@ -50,7 +51,8 @@ pub fn critical(level: f64, df: f64) -> f64 {
 ///
 /// # Formula
 ///
-/// The continued fraction DLMF 8.17.22 where it converges fast, x < (a + 1)/(a + b + 2), else 1 − `I_{1−x}(b, a)`.
+/// The continued fraction DLMF 8.17.22 where it converges fast, x < (a + 1)/(a + b + 2), else 1 −
+/// `I_{1−x}(b, a)`.
 fn incomplete_beta(a: f64, b: f64, x: f64) -> f64 {
     if x <= 0.0 {
         return 0.0;

@@ -13,7 +13,8 @@ pub struct Interval {
     pub high: f64,
 }
 
-/// The 95 % Wilson interval of `successes` out of `episodes`, without continuity correction; `None` for no episode.
+/// The 95 % Wilson interval of `successes` out of `episodes`, without continuity correction; `None`
+/// for no episode.
 ///
 /// The lower end is exactly 0 for no success and the upper end exactly 1 for no failure.
 ///

@@ -1,4 +1,5 @@
-//! The messages of ONNX (`onnx.proto3`, IR version 8) that a policy needs, with the field numbers of the format.
+//! The messages of ONNX (`onnx.proto3`, IR version 8) that a policy needs, with the field numbers
+//! of the format.
 
 use prost::Message;
 

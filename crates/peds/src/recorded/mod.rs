@@ -1,16 +1,19 @@
 //! Recorded pedestrians: tracks of people that walked somewhere, played back as they were.
 //!
-//! Files: ETH's `obsmat.txt`, lines of `frame id x y`, and the ndjson of trajnet++. The user brings them; none comes with this
-//! crate but a small synthetic sample. Reading order: [`RecordingOptions`], [`Recording::read`] (`rows` reads a file's lines, `tracks` makes
-//! them into tracks on a regular clock), [`Recording::at`].
+//! Files: ETH's `obsmat.txt`, lines of `frame id x y`, and the ndjson of trajnet++. The user brings
+//! them; none comes with this crate but a small synthetic sample. Reading order:
+//! [`RecordingOptions`], [`Recording::read`] (`rows` reads a file's lines, `tracks` makes them into
+//! tracks on a regular clock), [`Recording::at`].
 //!
-//! Positions are annotated a few times a second and wanted ten times: between two annotations a pedestrian moves straight at
-//! constant speed. Rejected: splines, which overshoot where someone stops.
+//! Positions are annotated a few times a second and wanted ten times: between two annotations a
+//! pedestrian moves straight at constant speed. Rejected: splines, which overshoot where someone
+//! stops.
 //!
 //! # References
 //!
-//! S. Pellegrini et al., "You'll never walk alone", ICCV 2009, doi:10.1109/ICCV.2009.5459260 (the ETH recordings); P. Kothari et al.,
-//! "Human trajectory forecasting in crowds", IEEE T-ITS 2022, doi:10.1109/TITS.2021.3069362 (trajnet++).
+//! S. Pellegrini et al., "You'll never walk alone", ICCV 2009, doi:10.1109/ICCV.2009.5459260 (the
+//! ETH recordings); P. Kothari et al., "Human trajectory forecasting in crowds", IEEE T-ITS 2022,
+//! doi:10.1109/TITS.2021.3069362 (trajnet++).
 
 mod rows;
 mod tracks;
@@ -31,10 +34,11 @@ const FILE_MAX: u64 = 256 << 20;
 /// The meaning of a file's frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RecordingOptions {
-    /// Time between two annotated frames of a pedestrian, s. Where it is absent: what the file says (trajnet++), else 0.4 s, at which the
-    /// recordings of ETH and UCY are annotated.
+    /// Time between two annotated frames of a pedestrian, s. Where it is absent: what the file says
+    /// (trajnet++), else 0.4 s, at which the recordings of ETH and UCY are annotated.
     pub interval: Option<f64>,
-    /// Largest gap in a pedestrian's frames that is bridged by a straight line, s. A longer one is an error. By default none is bridged.
+    /// Largest gap in a pedestrian's frames that is bridged by a straight line, s. A longer one is
+    /// an error. By default none is bridged.
     pub max_gap: Option<f64>,
     /// Time step of the playback, s. Default 0.1.
     pub time_step: f64,
@@ -90,8 +94,8 @@ pub struct RecordedPedestrian {
 
 /// Tracks on a regular clock, around the origin.
 ///
-/// Tracks are dealt out to *slots*: at each step a slot holds at most one of them, and there are as many slots as people
-/// were ever there at once. A room has one body for each slot.
+/// Tracks are dealt out to *slots*: at each step a slot holds at most one of them, and there are as
+/// many slots as people were ever there at once. A room has one body for each slot.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Recording {
     tracks: Vec<Track>,
@@ -109,8 +113,9 @@ impl Recording {
     ///
     /// # Errors
     ///
-    /// [`PedsError::Recording`] with file, line, what was found and what was expected: a file that cannot be read, a line of another
-    /// form, a pedestrian twice in a frame, a gap, frames at another rate than the rest, a speed of over 10 m/s.
+    /// [`PedsError::Recording`] with file, line, what was found and what was expected: a file that
+    /// cannot be read, a line of another form, a pedestrian twice in a frame, a gap, frames at
+    /// another rate than the rest, a speed of over 10 m/s.
     pub fn read(path: &Path, options: &RecordingOptions) -> Result<Self, PedsError> {
         options.validate()?;
         let refuse = |problem: String| PedsError::Recording { file: path.to_path_buf(), line: 0, problem };
@@ -149,7 +154,8 @@ impl Recording {
         tracks::from_rows(rows, interval, options)
     }
 
-    /// A recording of tracks in their order, which must be that of their first steps; moves them around the origin.
+    /// A recording of tracks in their order, which must be that of their first steps; moves them
+    /// around the origin.
     fn new(mut tracks: Vec<Track>, n_left_out: usize) -> Self {
         let places = || tracks.iter().flat_map(|track| &track.places);
         let low = places().copied().fold(Vec2::INFINITY, Vec2::min);
@@ -192,7 +198,8 @@ impl Recording {
         self.half_extent
     }
 
-    /// Pedestrians of the file that are on no step of the clock (seen in a single frame between two steps).
+    /// Pedestrians of the file that are on no step of the clock (seen in a single frame between two
+    /// steps).
     pub fn n_left_out(&self) -> usize {
         self.n_left_out
     }

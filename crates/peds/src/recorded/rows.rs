@@ -24,7 +24,8 @@ pub(super) struct Row {
     pub(super) place: [f64; 2],
 }
 
-/// A file's annotations, and the time between two of its frames (s) with the line that says it, where one does.
+/// A file's annotations, and the time between two of its frames (s) with the line that says it,
+/// where one does.
 #[derive(Debug, PartialEq)]
 pub(super) struct File {
     pub(super) rows: Vec<Row>,

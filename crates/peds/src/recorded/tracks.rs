@@ -59,7 +59,8 @@ pub(super) fn from_rows(
     Ok(Recording::new(tracks, n_left_out))
 }
 
-/// Frames between two annotations of a pedestrian: the most frequent difference, the least of several.
+/// Frames between two annotations of a pedestrian: the most frequent difference, the least of
+/// several.
 fn stride<'r>(people: impl Iterator<Item = &'r Vec<Row>>) -> Result<i64, Problem> {
     let mut counts: BTreeMap<i64, usize> = BTreeMap::new();
     for rows in people {
@@ -101,7 +102,8 @@ fn check(rows: &[Row], stride: i64, seconds: f64, max_gap: f64) -> Result<(), Pr
     Ok(())
 }
 
-/// A place for each step of the clock between a pedestrian's first and last frame, on straight lines between its annotations.
+/// A place for each step of the clock between a pedestrian's first and last frame, on straight
+/// lines between its annotations.
 fn resampled(rows: &[Row], first_frame: i64, seconds: f64, time_step: f64) -> Result<Track, Problem> {
     let time = |row: &Row| (row.frame - first_frame) as f64 * seconds / time_step;
     let (first, last) = (&rows[0], &rows[rows.len() - 1]);

@@ -9,7 +9,8 @@ use jostle_sim::SimError;
 use super::{Config, NetworkInputs};
 use crate::PpoError;
 
-/// Most transitions of one update: row numbers are 32 bits, and this many default observations are 6 GiB.
+/// Most transitions of one update: row numbers are 32 bits, and this many default observations are
+/// 6 GiB.
 const ROLLOUT_MAX: usize = 1 << 20;
 /// Most values in the observations of one update: 8 GiB.
 const OBSERVATIONS_MAX: usize = 1 << 31;

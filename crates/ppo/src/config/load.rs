@@ -1,8 +1,8 @@
 //! Reading a configuration: TOML text, then `--set key=value` overrides, each error with its place.
 //!
-//! The text is read twice: once into [`Config`] for its values, once into a table with spans so that an error found
-//! later (a range, a clash of two keys) can still name the line. Overrides are applied one at a time, so that the one
-//! at fault is known.
+//! The text is read twice: once into [`Config`] for its values, once into a table with spans so
+//! that an error found later (a range, a clash of two keys) can still name the line. Overrides are
+//! applied one at a time, so that the one at fault is known.
 
 use std::ops::Range;
 use std::path::Path;
@@ -17,7 +17,8 @@ use crate::PpoError;
 
 /// Largest configuration file that is read, in bytes.
 const TEXT_MAX: u64 = 1 << 20;
-/// Most parts of an override's dotted key. Tables are cloned and dropped by recursion, which a long key would exhaust.
+/// Most parts of an override's dotted key. Tables are cloned and dropped by recursion, which a long
+/// key would exhaust.
 const DEPTH_MAX: usize = 8;
 
 /// The paper's letters for three keys.
@@ -26,14 +27,14 @@ const ALIASES: [(&str, &str); 3] = [("N", "n_agents"), ("M", "n_behaviours"), ("
 impl Config {
     /// Reads `path`, applies the overrides in order, and validates the result.
     ///
-    /// An override is `key=value` with a dotted key and a TOML value; a bare word is taken as a string
-    /// (`intrinsic_reward=state`). A relative path of the file starts from the file's folder, one of an override from the
-    /// working directory.
+    /// An override is `key=value` with a dotted key and a TOML value; a bare word is taken as a
+    /// string (`intrinsic_reward=state`). A relative path of the file starts from the file's
+    /// folder, one of an override from the working directory.
     ///
     /// # Errors
     ///
-    /// [`PpoError::Io`] for an unreadable file, [`PpoError::Syntax`] for text that is not TOML, [`PpoError::Config`]
-    /// for a key that is unknown, of the wrong type or out of range.
+    /// [`PpoError::Io`] for an unreadable file, [`PpoError::Syntax`] for text that is not TOML,
+    /// [`PpoError::Config`] for a key that is unknown, of the wrong type or out of range.
     pub fn load(path: &Path, overrides: &[impl AsRef<str>]) -> Result<Self, PpoError> {
         let io = |reason| PpoError::Io { path: path.to_path_buf(), action: "read", reason };
         let (about, location) = (std::fs::metadata(path).map_err(io)?, path.display().to_string());
@@ -165,7 +166,8 @@ impl Source<'_> {
         format!("{}:{line}:{column}", self.label)
     }
 
-    /// Gives a range error the place that its value came from: the last override, else the file's line, else the file.
+    /// Gives a range error the place that its value came from: the last override, else the file's
+    /// line, else the file.
     fn locate(&self, error: PpoError, set: &[(String, &str)]) -> PpoError {
         let PpoError::Config { field, found, expected, .. } = error else { return error };
         let from_override = set.iter().rev().find(|(path, _)| *path == field);

@@ -5,14 +5,16 @@ use std::path::{Path, PathBuf};
 use jostle_sim::NamingFolder;
 use serde::{Deserialize, Serialize};
 
-/// The frozen policies that are the opponents of a training crowd; the `[population]` part of a training file.
+/// The frozen policies that are the opponents of a training crowd; the `[population]` part of a
+/// training file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct PopulationConfig {
-    /// Policies or checkpoints that drive opponents: other seeds, earlier runs. Relative paths start from the folder of the
-    /// file that names them; those of a command or a program, from the working directory. A checkpoint records the files'
-    /// SHA-256; with others a run does not go on. Default: none.
+    /// Policies or checkpoints that drive opponents: other seeds, earlier runs. Relative paths
+    /// start from the folder of the file that names them; those of a command or a program, from the
+    /// working directory. A checkpoint records the files' SHA-256; with others a run does not go
+    /// on. Default: none.
     pub files: Vec<PathBuf>,
     /// Snapshots of the run's own policy that are kept as opponents; 0 to 64. Default 0.
     #[cfg_attr(feature = "schema", schemars(extend("maximum" = 64)))]
@@ -54,7 +56,8 @@ impl PopulationConfig {
         }
     }
 
-    /// As [`Self::named_in`], for what this program has written; as [`jostle_sim::RoomConfig::stored_in`].
+    /// As [`Self::named_in`], for what this program has written; as
+    /// [`jostle_sim::RoomConfig::stored_in`].
     pub(crate) fn stored_in(&mut self, folder: &Path) {
         let (as_given, mut here) = (self.clone(), self.clone());
         here.named_in(folder);
@@ -62,7 +65,8 @@ impl PopulationConfig {
         *self = if lie(&as_given) && !lie(&here) { as_given } else { here };
     }
 
-    /// The population as a file in `folder` names it: relative paths lead from there to the same files.
+    /// The population as a file in `folder` names it: relative paths lead from there to the same
+    /// files.
     pub(crate) fn as_named_in(&self, folder: &Path) -> Self {
         let mut population = self.clone();
         population.named_in(folder);
@@ -72,9 +76,9 @@ impl PopulationConfig {
         population
     }
 
-    /// As it counts in the configuration's hash: of each file the name, which is the same in every folder and on every
-    /// machine. A run's checkpoints are called by their updates; of those the two folders count that they lie in, the run's
-    /// and its own.
+    /// As it counts in the configuration's hash: of each file the name, which is the same in every
+    /// folder and on every machine. A run's checkpoints are called by their updates; of those the
+    /// two folders count that they lie in, the run's and its own.
     pub(crate) fn by_name(&self) -> Self {
         let named = |file: &PathBuf| -> PathBuf {
             let Some(name) = file.file_name() else { return file.clone() };

@@ -58,16 +58,16 @@ impl Keywords {
         base(self.config.clone(), &self.overrides)
     }
 
-    /// The training configuration for a policy: the file that they name, or else the rooms of its training, with their
-    /// overrides.
+    /// The training configuration for a policy: the file that they name, or else the rooms of its
+    /// training, with their overrides.
     pub(super) fn base_for(&self, policy: &LoadedPolicy) -> PyResult<jostle_ppo::Config> {
         let sim = policy.sim_config().map_err(value_error)?;
         let n_agents = usize::try_from(policy.file.provenance.n_agents).map_err(value_error)?;
         self.base_from(sim, n_agents)
     }
 
-    /// The training configuration for a planner: the file that they name, or else the rooms that it was made for, with their
-    /// overrides.
+    /// The training configuration for a planner: the file that they name, or else the rooms that it
+    /// was made for, with their overrides.
     pub(super) fn base_of(&self, made_for: &jostle_ppo::Config) -> PyResult<jostle_ppo::Config> {
         self.base_from(made_for.sim.clone(), made_for.n_agents)
     }
@@ -107,7 +107,8 @@ impl Keywords {
     }
 }
 
-/// Reads a training configuration and applies overrides; errors speak of `settings`, not of the command line's `--set`.
+/// Reads a training configuration and applies overrides; errors speak of `settings`, not of the
+/// command line's `--set`.
 pub(super) fn base(config: Option<PathBuf>, overrides: &[String]) -> PyResult<jostle_ppo::Config> {
     settings::base(config.as_deref(), overrides).map_err(|error| of_settings(&error))
 }
@@ -131,7 +132,8 @@ pub(super) fn pairs(py: Python<'_>, actions: &PyBuffer<f32>) -> PyResult<Vec<[f3
     Ok(actions.to_vec(py)?.as_chunks().0.to_vec())
 }
 
-/// Writes the answer of `act` to rows [B, `width`] of Python's into actions [B, 2]; `act` runs without Python's lock.
+/// Writes the answer of `act` to rows [B, `width`] of Python's into actions [B, 2]; `act` runs
+/// without Python's lock.
 pub(super) fn act_on_rows(
     py: Python<'_>,
     width: usize,
@@ -163,7 +165,8 @@ pub(super) fn rows(
     Ok(rows)
 }
 
-/// Writes row i of an array [B, len of the row] of Python's, in place: the row of an array is a view of it.
+/// Writes row i of an array [B, len of the row] of Python's, in place: the row of an array is a
+/// view of it.
 pub(super) fn write_row(array: &Bound<'_, PyAny>, i: usize, row: &[f32]) -> PyResult<()> {
     PyBuffer::get(&array.get_item(i)?)?.copy_from_slice(array.py(), row)
 }

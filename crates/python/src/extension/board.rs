@@ -1,4 +1,5 @@
-//! An entry of the leaderboard from Python: a function on every scene of the standard suite among the six crowds.
+//! An entry of the leaderboard from Python: a function on every scene of the standard suite among
+//! the six crowds.
 
 use std::path::PathBuf;
 use std::sync::{Arc, PoisonError};
@@ -25,7 +26,8 @@ pub(super) struct Words {
     command: String,
 }
 
-/// Runs a function on all cells; the entry as the text of its file. `act` and `zeros` are those of `evaluate`.
+/// Runs a function on all cells; the entry as the text of its file. `act` and `zeros` are those of
+/// `evaluate`.
 #[pyfunction]
 pub(super) fn board_entry(
     py: Python<'_>,

@@ -90,8 +90,8 @@ impl PyCrowdRooms {
         self.lock().bounds()
     }
 
-    /// Starts room i at the first training episode of a seed, or, with `episode`, at that episode of the test of the seed, and
-    /// writes its first observation, place and clearance into row i.
+    /// Starts room i at the first training episode of a seed, or, with `episode`, at that episode
+    /// of the test of the seed, and writes its first observation, place and clearance into row i.
     fn begin(
         &self,
         i: usize,
@@ -105,7 +105,8 @@ impl PyCrowdRooms {
         self.begin_by(i, [&observations, &places, &clearances], |rooms| rooms.begin(i, seed, episode))
     }
 
-    /// Starts the next episode in room i and writes its first observation, place and clearance into row i.
+    /// Starts the next episode in room i and writes its first observation, place and clearance into
+    /// row i.
     fn begin_next(
         &self,
         i: usize,
@@ -116,7 +117,8 @@ impl PyCrowdRooms {
         self.begin_by(i, [&observations, &places, &clearances], |rooms| rooms.begin_next(i))
     }
 
-    /// Steps all rooms, writes into the arrays, and lists the rooms whose episode ended as (i, info).
+    /// Steps all rooms, writes into the arrays, and lists the rooms whose episode ended as (i,
+    /// info).
     fn step<'py>(
         &self,
         py: Python<'py>,
@@ -152,7 +154,8 @@ impl PyCrowdRooms {
         ended.map(|(i, end)| Ok((i, episode_info(py, end)?))).collect()
     }
 
-    /// The bodies of room i, in world coordinates: for each body x, y, heading, velocity x and y, goal x and y.
+    /// The bodies of room i, in world coordinates: for each body x, y, heading, velocity x and y,
+    /// goal x and y.
     fn state<'py>(&self, py: Python<'py>, i: usize) -> PyResult<Bound<'py, PyDict>> {
         let rooms = self.lock();
         let room = rooms.rooms().get(i).ok_or_else(|| no_row(i))?;

@@ -1,4 +1,5 @@
-//! The test of a policy from Python: the protocol of `cargo xtask evaluate`, with a Python function as the robot.
+//! The test of a policy from Python: the protocol of `cargo xtask evaluate`, with a Python function
+//! as the robot.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -14,7 +15,8 @@ use super::planner::PyPlanner;
 use super::policy::PyPolicy;
 use crate::settings::Settings;
 
-/// The findings of a test: its result and its records as JSON, as the command line writes them, and the number of agents.
+/// The findings of a test: its result and its records as JSON, as the command line writes them, and
+/// the number of agents.
 type Found = (String, String, usize);
 
 /// Tests a function. `act(observations, n)` answers n actions for the first n rows of an array
@@ -46,7 +48,8 @@ pub(super) fn evaluate(
     run
 }
 
-/// The keys of the map of a test's rooms that are not read, one line each; `policy` is a trained one, or `None`.
+/// The keys of the map of a test's rooms that are not read, one line each; `policy` is a trained
+/// one, or `None`.
 #[pyfunction]
 pub(super) fn notes(keywords: Keywords, policy: Option<Bound<'_, PyPolicy>>) -> PyResult<Vec<String>> {
     let base = match &policy {
@@ -76,8 +79,8 @@ pub(super) fn evaluate_policy(
     run(py, settings, &mut robot, &subject, episodes)
 }
 
-/// Tests a planner, without a way through Python. Simulator and number of agents are those that it was made for unless the
-/// keywords say otherwise.
+/// Tests a planner, without a way through Python. Simulator and number of agents are those that it
+/// was made for unless the keywords say otherwise.
 #[pyfunction]
 pub(super) fn evaluate_planner(
     py: Python<'_>,
@@ -114,7 +117,8 @@ fn run(
     .map_err(|error: EvalError| value_error(error))
 }
 
-/// A robot that a Python function drives. The rooms write what they see straight into Python's array.
+/// A robot that a Python function drives. The rooms write what they see straight into Python's
+/// array.
 pub(super) struct PythonRobot {
     act: Py<PyAny>,
     observations: Py<PyAny>,
@@ -123,7 +127,8 @@ pub(super) struct PythonRobot {
 }
 
 impl PythonRobot {
-    /// A robot that `act` drives, with an array of `zeros` for as many rows. What Python raises is left in `failure`.
+    /// A robot that `act` drives, with an array of `zeros` for as many rows. What Python raises is
+    /// left in `failure`.
     pub(super) fn new(
         act: Py<PyAny>,
         zeros: &Bound<'_, PyAny>,

@@ -1,7 +1,8 @@
 //! The classes and functions of the Python module `jostle._jostle`.
 //!
-//! Reading order: [`crowd_rooms`], [`robot_room`], [`evaluate`], [`board`], [`policy`], [`planner`]; [`arguments`] holds what they share. Every array is
-//! Python's, C-contiguous and of the type that is asked for; the Python side sees to both.
+//! Reading order: [`crowd_rooms`], [`robot_room`], [`evaluate`], [`board`], [`policy`],
+//! [`planner`]; [`arguments`] holds what they share. Every array is Python's, C-contiguous and of
+//! the type that is asked for; the Python side sees to both.
 
 #![allow(
     clippy::needless_pass_by_value,

@@ -82,8 +82,8 @@ impl PyPolicy {
         self.loaded.file.network.observation_len()
     }
 
-    /// Angle of every beam of the laser that it was trained with, from straight ahead, counter-clockwise (rad); `None` where
-    /// its file does not say.
+    /// Angle of every beam of the laser that it was trained with, from straight ahead,
+    /// counter-clockwise (rad); `None` where its file does not say.
     #[getter]
     fn beam_angles(&self) -> PyResult<Option<Vec<f64>>> {
         if !self.loaded.file.metadata.contains_key("sim") {

@@ -91,8 +91,8 @@ impl PyRobotRoom {
         self.config.sim.episode.dt
     }
 
-    /// The place of every robot, or its place when its episode ended in the last step; of one that left before it means
-    /// nothing.
+    /// The place of every robot, or its place when its episode ended in the last step; of one that
+    /// left before it means nothing.
     fn whereabouts(&self) -> Vec<Stands> {
         let room = self.lock();
         let stands = |agent| {
@@ -136,7 +136,8 @@ impl PyRobotRoom {
         self.lock().bounds()
     }
 
-    /// Places all robots by a seed, writes their first observations, and tells their behaviour tokens.
+    /// Places all robots by a seed, writes their first observations, and tells their behaviour
+    /// tokens.
     fn begin(&self, seed: u64, observations: Bound<'_, PyAny>) -> PyResult<Vec<u32>> {
         let room = RobotRoom::new(&self.config.sim, self.config.n_agents, self.n_behaviours, seed);
         let room = room.map_err(value_error)?;
@@ -148,7 +149,8 @@ impl PyRobotRoom {
         Ok(tokens)
     }
 
-    /// Steps the robots that are there and lists (index, reward, terminated, truncated, info) of each.
+    /// Steps the robots that are there and lists (index, reward, terminated, truncated, info) of
+    /// each.
     fn step<'py>(
         &self,
         py: Python<'py>,

@@ -1,18 +1,20 @@
-//! Robots with mass: wheels that grip and slip, motors that are only so strong, commands that arrive late; rapier moves the bodies
-//! and solves their contacts.
+//! Robots with mass: wheels that grip and slip, motors that are only so strong, commands that
+//! arrive late; rapier moves the bodies and solves their contacts.
 //!
-//! Reading order: [`wheels`] (the impulses of four wheels on the ground), [`scene`] (a control period in rapier), this file (the state
-//! that is kept between two periods).
+//! Reading order: [`wheels`] (the impulses of four wheels on the ground), [`scene`] (a control
+//! period in rapier), this file (the state that is kept between two periods).
 //!
-//! Architecture invariant: the state of a base is its pose, its velocity and the commands under way. rapier's scene is made anew for each
-//! control period, so that nothing that a solver remembers decides what comes next, and a restored world goes on bit for bit.
+//! Architecture invariant: the state of a base is its pose, its velocity and the commands under
+//! way. rapier's scene is made anew for each control period, so that nothing that a solver
+//! remembers decides what comes next, and a restored world goes on bit for bit.
 //!
 //! # Departures
 //!
-//! - From the vehicle: the ground is flat, the load lies evenly on the wheels, and the wheels' own inertia (a twentieth of a Jackal's mass)
-//!   is left out. A motor holds its wheel's speed as well as its torque lets it.
-//! - From Stage (`world.rs`): a base that meets something is pushed back by the contact and may slide along it. It counts as stopped by
-//!   whatever it touched.
+//! - From the vehicle: the ground is flat, the load lies evenly on the wheels, and the wheels' own
+//!   inertia (a twentieth of a Jackal's mass) is left out. A motor holds its wheel's speed as well
+//!   as its torque lets it.
+//! - From Stage (`world.rs`): a base that meets something is pushed back by the contact and may
+//!   slide along it. It counts as stopped by whatever it touched.
 
 #[cfg(feature = "dynamics")]
 mod scene;
@@ -35,8 +37,8 @@ pub struct DriveState {
     pub velocity: Vec2,
     /// Turn rate, rad/s.
     pub turn: f32,
-    /// Commands (v, ω) of the last control periods that are not in force yet or still are, the oldest first; a base that has not been
-    /// told more than these stood before.
+    /// Commands (v, ω) of the last control periods that are not in force yet or still are, the
+    /// oldest first; a base that has not been told more than these stood before.
     pub commands: Vec<[f32; 2]>,
 }
 

@@ -1,8 +1,8 @@
 //! One control period of all bases of a world, in a rapier scene that is made for it.
 //!
-//! The scene has the bases as dynamic bodies, the other bodies as kinematic ones on their way from where they were, and
-//! whatever of walls and obstacles is within a base's reach. A step is at most [`STEP`] long: the wheels push, then rapier integrates and solves
-//! the contacts.
+//! The scene has the bases as dynamic bodies, the other bodies as kinematic ones on their way from
+//! where they were, and whatever of walls and obstacles is within a base's reach. A step is at most
+//! [`STEP`] long: the wheels push, then rapier integrates and solves the contacts.
 
 use super::DriveState;
 use super::wheels::{Twist, push};
@@ -40,8 +40,9 @@ struct Mover {
     touched: Option<Stop>,
 }
 
-/// Moves all bodies that have a base by their commands for `dt`, and notes what they touched. `before` holds the poses that the bodies had when
-/// the period began; those without a base have moved already.
+/// Moves all bodies that have a base by their commands for `dt`, and notes what they touched.
+/// `before` holds the poses that the bodies had when the period began; those without a base have
+/// moved already.
 pub(crate) fn advance(
     world: &mut World,
     motions: &[Motion],
@@ -101,8 +102,9 @@ pub(crate) fn advance(
     }
 }
 
-/// Takes a base back to where it was last without an overlap. Contacts give way for some steps where something hits them at many m/s,
-/// and a control period may end in one of these. Its velocity stays.
+/// Takes a base back to where it was last without an overlap. Contacts give way for some steps
+/// where something hits them at many m/s, and a control period may end in one of these. Its
+/// velocity stays.
 fn back_out(world: &mut World, mover: &Mover, start: Pose) {
     let earlier = mover.poses.iter().rev().skip(1).copied().chain([start]);
     for pose in earlier {
@@ -128,7 +130,8 @@ fn command(world: &World, motions: &[Motion], body: usize) -> Option<Option<[f32
     }
 }
 
-/// So many steps that none is longer than [`STEP`] and nobody gets farther in one than half its least width.
+/// So many steps that none is longer than [`STEP`] and nobody gets farther in one than half its
+/// least width.
 fn n_steps(world: &World, motions: &[Motion], dt: f32) -> usize {
     let of_body = |body: usize| {
         let reach = reach(world, motions, body, dt)?;
@@ -147,7 +150,8 @@ fn reach(world: &World, motions: &[Motion], body: usize, dt: f32) -> Option<f32>
     Some(dt * state.velocity.length().max(told))
 }
 
-/// Puts a base into the scene, the newest command behind those under way, and takes from the queue what is of the past.
+/// Puts a base into the scene, the newest command behind those under way, and takes from the queue
+/// what is of the past.
 fn insert(
     scene: &mut PhysicsWorld,
     world: &mut World,
@@ -209,7 +213,8 @@ fn surroundings(
     things
 }
 
-/// Puts the bodies that move by themselves and are near a base into the scene, where they were when the period began.
+/// Puts the bodies that move by themselves and are near a base into the scene, where they were when
+/// the period began.
 fn bystanders(
     scene: &mut PhysicsWorld,
     world: &World,

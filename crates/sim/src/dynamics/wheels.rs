@@ -1,14 +1,17 @@
 //! Four wheels on flat ground: two on either side, turned together by one motor a side.
 //!
-//! A wheel resists sliding over the ground by at most μ times its load, in whatever direction (Coulomb's friction circle). Along the wheel the
-//! ground moves at the wheel's own speed, and there the motor's torque is a second limit. The impulses of a step are those that leave the least
-//! sliding within these limits: projected steps of steepest descent on the sum's kinetic energy, as seen from the moving treads, one wheel after
-//! the other. So wheels that stand or run free never add energy.
+//! A wheel resists sliding over the ground by at most μ times its load, in whatever direction
+//! (Coulomb's friction circle). Along the wheel the ground moves at the wheel's own speed, and
+//! there the motor's torque is a second limit. The impulses of a step are those that leave the
+//! least sliding within these limits: projected steps of steepest descent on the sum's kinetic
+//! energy, as seen from the moving treads, one wheel after the other. So wheels that stand or run
+//! free never add energy.
 //!
 //! # Formula
 //!
-//! A base that turns on the spot, its treads at ±k·ω·b/2, slides at every wheel and turns at k·ω·(b/2)² / ((b/2)² + (l/2)²), b the track and l
-//! the wheelbase: there the moments of sliding along and across the wheels are in balance.
+//! A base that turns on the spot, its treads at ±k·ω·b/2, slides at every wheel and turns at
+//! k·ω·(b/2)² / ((b/2)² + (l/2)²), b the track and l the wheelbase: there the moments of sliding
+//! along and across the wheels are in balance.
 
 use crate::config::BaseConfig;
 use glam::Vec2;
@@ -59,8 +62,9 @@ pub(super) fn push(base: &BaseConfig, twist: Twist, [v, w]: [f32; 2], dt: f32) -
     now
 }
 
-/// The least and the largest impulse that a motor gives a wheel which runs over the ground at `speed`: its torque falls in a straight line
-/// from the one at rest to none at its free speed; against the motion it has all of it.
+/// The least and the largest impulse that a motor gives a wheel which runs over the ground at
+/// `speed`: its torque falls in a straight line from the one at rest to none at its free speed;
+/// against the motion it has all of it.
 fn motor(base: &BaseConfig, speed: f32, dt: f32) -> (f32, f32) {
     let most = base.motor_torque / base.wheel_radius * dt;
     let left = (1.0 - speed.abs() / (base.motor_speed * base.wheel_radius)).max(0.0);

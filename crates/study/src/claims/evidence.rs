@@ -1,5 +1,5 @@
-//! Tests of claims on a study: Welch's interval over seeds, the hierarchical bootstrap, an exact permutation test over
-//! seeds and `McNemar`'s exact test for each pair of seeds.
+//! Tests of claims on a study: Welch's interval over seeds, the hierarchical bootstrap, an exact
+//! permutation test over seeds and `McNemar`'s exact test for each pair of seeds.
 
 use std::collections::BTreeMap;
 

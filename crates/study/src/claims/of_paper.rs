@@ -1,6 +1,7 @@
 //! Every comparison that the paper's text makes on its Tables I to V.
 //!
-//! `reading` says where the paper's own figures break its sentence. Margins are ours and are part of the claim.
+//! `reading` says where the paper's own figures break its sentence. Margins are ours and are part
+//! of the claim.
 
 use super::{Claim, Measure, Part, Region, Term};
 

@@ -1,4 +1,5 @@
-//! The data of a study: rows (training settings), their training seeds, and the episodes of each at each site.
+//! The data of a study: rows (training settings), their training seeds, and the episodes of each at
+//! each site.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +10,8 @@ use jostle_eval::compact::CompactEpisode;
 pub struct SeedRun {
     /// Training seed.
     pub seed: u64,
-    /// Episodes by site: a crowd's two letters or a map's name. Episode k is the same for every policy.
+    /// Episodes by site: a crowd's two letters or a map's name. Episode k is the same for every
+    /// policy.
     pub sites: BTreeMap<String, Vec<CompactEpisode>>,
     /// The diversity metric D, where it was measured.
     pub diversity: Option<f64>,

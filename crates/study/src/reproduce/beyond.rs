@@ -90,7 +90,8 @@ pub(super) fn outcomes(evaluator: &mut RowEvaluator) -> Result<PooledTable> {
     })
 }
 
-/// The robot's driving, over the six crowds together, for every row that has policies and every planner.
+/// The robot's driving, over the six crowds together, for every row that has policies and every
+/// planner.
 pub(super) fn driving(evaluator: &mut RowEvaluator) -> Result<PooledTable> {
     let scale = jostle_arena::room::metric_scale(&ArenaConfig {
         sim: evaluator.policies.sim(),

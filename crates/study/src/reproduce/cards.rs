@@ -1,7 +1,9 @@
-//! `docs/model-cards.md`: one card for each shipped training setting, written from `checkpoints/manifest.json` and the cells in
-//! `results/` (sections as in Mitchell et al. 2019, *Model Cards for Model Reporting*, <https://doi.org/10.1145/3287560.3287596>).
+//! `docs/model-cards.md`: one card for each shipped training setting, written from
+//! `checkpoints/manifest.json` and the cells in `results/` (sections as in Mitchell et al. 2019,
+//! *Model Cards for Model Reporting*, <https://doi.org/10.1145/3287560.3287596>).
 //!
-//! All numbers are read; only what a policy is for, and what it must not be used for, is written by hand here.
+//! All numbers are read; only what a policy is for, and what it must not be used for, is written by
+//! hand here.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -319,8 +321,8 @@ fn rate<'a>(episodes: impl Iterator<Item = &'a CompactEpisode>, outcome: Outcome
     )
 }
 
-/// The cells of robots among all six crowds, with token 0 and shipped pedestrians; where a robot was tested in several such settings, the
-/// first by its hash.
+/// The cells of robots among all six crowds, with token 0 and shipped pedestrians; where a robot
+/// was tested in several such settings, the first by its hash.
 fn read_results(manifest: &Manifest, folder: &Path) -> Result<Results> {
     let mut cells: BTreeMap<(String, usize, String), BTreeMap<String, CompactCell>> = BTreeMap::new();
     if !folder.is_dir() {

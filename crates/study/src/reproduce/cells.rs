@@ -1,4 +1,5 @@
-//! Cells of the tables, each run once and kept in `results/cells` in the small form, by the hash of all it depends on.
+//! Cells of the tables, each run once and kept in `results/cells` in the small form, by the hash of
+//! all it depends on.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -84,7 +85,8 @@ impl Cells {
         Ok(cell)
     }
 
-    /// A stored cell must be the beginning of the new one, or the other way round; the longer one stays.
+    /// A stored cell must be the beginning of the new one, or the other way round; the longer one
+    /// stays.
     fn compare(&mut self, path: &Path, stored: &CompactCell, cell: &CompactCell) -> Result<()> {
         let shared = stored.head.episodes.min(cell.head.episodes) as usize;
         let (old, new) = (stored.episodes(shared), cell.episodes(shared));

@@ -1,4 +1,5 @@
-//! Figure "loss": losses of both discriminators and the intrinsic reward against updates, from the shipped curves.
+//! Figure "loss": losses of both discriminators and the intrinsic reward against updates, from the
+//! shipped curves.
 
 use anyhow::{Context as _, Result, ensure};
 use jostle_eval::report::grid::csv_line;
@@ -40,7 +41,8 @@ fn csv(columns: &[Points]) -> String {
     csv
 }
 
-/// Both losses in one panel, as in the paper, with the loss of a guess as a dotted line; the reward in another.
+/// Both losses in one panel, as in the paper, with the loss of a guess as a dotted line; the reward
+/// in another.
 fn panels(columns: Vec<Points>, n_seeds: usize, n_behaviours: usize) -> Panels {
     let updates = columns[0].last().map_or(0.0, |point| point[0]) as usize;
     let label = match n_seeds {

@@ -91,10 +91,11 @@ fn on_map(cells: &mut Cells, driver: &Driver, sim: &SimConfig, map: &str) -> Res
 /// The policy's own world but for map and robot.
 fn world(mut sim: SimConfig, map: &str) -> SimConfig {
     sim.room.map = Some(workspace().join("maps").join(format!("{map}.toml")));
-    // Clearpath Robotics, Jackal data sheet: 508 mm long, 430 mm wide, at most 2 m/s. The policy asks for at most 1 m/s, so
-    // `v_max` stays the policy's.
+    // Clearpath Robotics, Jackal data sheet: 508 mm long, 430 mm wide, at most 2 m/s. The policy
+    // asks for at most 1 m/s, so `v_max` stays the policy's.
     (sim.robot.length, sim.robot.width) = (0.508, 0.430);
-    // Repository jackal/jackal, jackal_control/config/control.yaml: max_acceleration of linear.x and angular.z.
+    // Repository jackal/jackal, jackal_control/config/control.yaml: max_acceleration of linear.x
+    // and angular.z.
     sim.robot.acceleration = Some(AccelerationLimits { v: 20.0, w: 25.0 });
     // Half of the open area's side: the training room's 10 m do not fit.
     sim.spawn.goal_distance = 5.0;

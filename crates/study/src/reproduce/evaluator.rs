@@ -1,4 +1,5 @@
-//! The study as far as it has been run: rows with their policies, and what came out of their episodes.
+//! The study as far as it has been run: rows with their policies, and what came out of their
+//! episodes.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -114,7 +115,8 @@ impl RowEvaluator {
         Ok(self.put(name, row))
     }
 
-    /// The episodes of a policy with a token in a crowd of `n_agents` − 1 (`None`: as many agents as in training).
+    /// The episodes of a policy with a token in a crowd of `n_agents` − 1 (`None`: as many agents
+    /// as in training).
     pub(crate) fn crowd(
         &mut self,
         found: &Found,
@@ -133,7 +135,8 @@ impl RowEvaluator {
         Ok(self.cells.get(&wanted)?.episodes(self.episodes as usize))
     }
 
-    /// A planner among the six crowds, one robot and `n_agents` − 1 pedestrians, in the room of the base setting.
+    /// A planner among the six crowds, one robot and `n_agents` − 1 pedestrians, in the room of the
+    /// base setting.
     pub(crate) fn planner(&mut self, planner: Planner, n_agents: usize) -> Result<&Sites> {
         let mut sites = self.planners.remove(&(planner, n_agents)).unwrap_or_default();
         let driver = Driver::Planner(planner);
@@ -183,8 +186,8 @@ impl RowEvaluator {
         self.rows.entry(name).insert_entry(row).into_mut()
     }
 
-    /// The states that D is measured on: a trajectory of the first baseline policy in its training room; `None` where there
-    /// is no baseline.
+    /// The states that D is measured on: a trajectory of the first baseline policy in its training
+    /// room; `None` where there is no baseline.
     fn states(&mut self) -> Result<Option<Vec<f32>>> {
         if self.states.is_none() {
             let row = self.take("m1")?;

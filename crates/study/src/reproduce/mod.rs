@@ -1,9 +1,12 @@
-//! `cargo xtask reproduce`: the paper's tables and figures beside its figures, from shipped policies or from nothing.
+//! `cargo xtask reproduce`: the paper's tables and figures beside its figures, from shipped
+//! policies or from nothing.
 //!
-//! Reading order: this file (what is asked for), `plan` (rows and their training settings), `policies` (where policies
-//! come from), `cells` (episodes, each cell run once), `evaluator` (the study), `tables`, `planners`, `deployment`, `beyond`,
-//! `curves`, `paths` (what is printed), `training` and `hours` (`--train`), `page` (docs/reproduction.md, README.md), `cards` (docs/model-cards.md). The small
-//! preset, which trains everything within minutes, is a thing of its own: `small`.
+//! Reading order: this file (what is asked for), `plan` (rows and their training settings),
+//! `policies` (where policies come from), `cells` (episodes, each cell run once), `evaluator` (the
+//! study), `tables`, `planners`, `deployment`, `beyond`, `curves`, `paths` (what is printed),
+//! `training` and `hours` (`--train`), `page` (docs/reproduction.md, README.md), `cards`
+//! (docs/model-cards.md). The small preset, which trains everything within minutes, is a thing of
+//! its own: `small`.
 
 mod beyond;
 mod cards;
@@ -54,8 +57,8 @@ pub trait Trainings {
     /// What the training or its folder refuses; a stop that was asked for.
     fn train(&self, config: &Config, folder: &Path, name: &str) -> Result<()>;
 
-    /// Submits runs, each a variant's name and its configuration for a seed, to a cluster; `options` is a file with the keys of a
-    /// plan's `[slurm]`.
+    /// Submits runs, each a variant's name and its configuration for a seed, to a cluster;
+    /// `options` is a file with the keys of a plan's `[slurm]`.
     ///
     /// # Errors
     /// Options that cannot be read; what the cluster refuses.
@@ -76,21 +79,24 @@ pub struct ReproduceArgs {
     /// The target to reproduce.
     #[arg(value_enum)]
     target: Target,
-    /// `small`: train small policies within minutes (table1 alone). `paper`: the shipped policies, or `--train`.
+    /// `small`: train small policies within minutes (table1 alone). `paper`: the shipped policies,
+    /// or `--train`.
     #[arg(long, value_enum, default_value = "paper")]
     preset: Preset,
-    /// Train from nothing instead of using what is shipped; says before how many hours it takes, and can be interrupted.
+    /// Train from nothing instead of using what is shipped; says before how many hours it takes,
+    /// and can be interrupted.
     #[arg(long)]
     train: bool,
-    /// With --train: these settings alone, such as `m10` or `pool`; the others are the shipped ones.
+    /// With --train: these settings alone, such as `m10` or `pool`; the others are the shipped
+    /// ones.
     #[arg(long, value_name = "NAME,…", value_delimiter = ',', requires = "train")]
     rows: Vec<String>,
-    /// With --train: submit the trainings to Slurm as one job array and stop; the same command without it goes on when they are
-    /// done.
+    /// With --train: submit the trainings to Slurm as one job array and stop; the same command
+    /// without it goes on when they are done.
     #[arg(long, requires = "train")]
     slurm: bool,
-    /// With --slurm: a file with the keys of a plan's `[slurm]`, such as partition, time, memory, modules (default: the
-    /// cluster's own).
+    /// With --slurm: a file with the keys of a plan's `[slurm]`, such as partition, time, memory,
+    /// modules (default: the cluster's own).
     #[arg(long, value_name = "FILE", requires = "slurm")]
     slurm_options: Option<PathBuf>,
     /// Run also the episodes that are stored, and compare.
@@ -102,8 +108,8 @@ pub struct ReproduceArgs {
     /// Folder of shipped policies (default: `checkpoints/` of this repository).
     #[arg(long, value_name = "DIR")]
     checkpoints: Option<PathBuf>,
-    /// Folder for cells and reports (default: `results/` of this repository; with --train `runs/paper/results`; with
-    /// `--preset small` `runs/table1-small`, runs included).
+    /// Folder for cells and reports (default: `results/` of this repository; with --train
+    /// `runs/paper/results`; with `--preset small` `runs/table1-small`, runs included).
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// With --train: folder of the training runs.

@@ -1,4 +1,5 @@
-//! The table of README.md: who drives how well, out of the stored tables and without their provenance, which those have.
+//! The table of README.md: who drives how well, out of the stored tables and without their
+//! provenance, which those have.
 
 use std::path::Path;
 

@@ -1,7 +1,8 @@
-//! `docs/reproduction.md` and `README.md`: their tables are filled from `results/`, their prose is written by hand;
-//! `docs/model-cards.md` is written whole ([`super::cards`]).
+//! `docs/reproduction.md` and `README.md`: their tables are filled from `results/`, their prose is
+//! written by hand; `docs/model-cards.md` is written whole ([`super::cards`]).
 //!
-//! README.md's own table is made of the stored ones ([`super::overview`]). A table is between `<!-- begin: NAME -->` and `<!-- end: NAME -->`: the file `results/NAME.md`. Figures are copied to
+//! README.md's own table is made of the stored ones ([`super::overview`]). A table is between `<!--
+//! begin: NAME -->` and `<!-- end: NAME -->`: the file `results/NAME.md`. Figures are copied to
 //! `docs/images/`, as a book holds what is below its own folder alone.
 
 use std::path::Path;

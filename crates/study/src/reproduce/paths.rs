@@ -1,4 +1,5 @@
-//! Figure "paths": where each behaviour token leads from one start to one goal behind a static obstacle.
+//! Figure "paths": where each behaviour token leads from one start to one goal behind a static
+//! obstacle.
 
 use anyhow::{Result, bail};
 use glam::{DVec2, Vec2};

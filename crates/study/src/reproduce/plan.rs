@@ -1,9 +1,9 @@
-//! The plan of the paper's tables: training settings ("variants"), each the base setting but for what a row varies,
-//! and rows, each a variant at a number of updates.
+//! The plan of the paper's tables: training settings ("variants"), each the base setting but for
+//! what a row varies, and rows, each a variant at a number of updates.
 //!
-//! The base is `configs/headline.toml`, one setting for all rows of the paper; the strong policy has its own,
-//! `configs/strong.toml`. A policy belongs to a variant where its whole
-//! configuration, but for the seed, is the variant's: nobody has to say which row a run serves.
+//! The base is `configs/headline.toml`, one setting for all rows of the paper; the strong policy
+//! has its own, `configs/strong.toml`. A policy belongs to a variant where its whole configuration,
+//! but for the seed, is the variant's: nobody has to say which row a run serves.
 
 use std::path::{Path, PathBuf};
 
@@ -34,9 +34,10 @@ const POOL_SEEDS_FROM: u64 = 101;
 /// Updates between two checkpoints of a run that `--train` makes.
 const CHECKPOINT_EVERY: u64 = 250;
 
-/// One behaviour. Whether α weighs rewards or advantages, and how far apart embeddings start, says nothing where α is 0 and there is
-/// one embedding; it moves bits all the same, and is held still so that baselines and pedestrians stay what they are when the
-/// base is set otherwise for several behaviours.
+/// One behaviour. Whether α weighs rewards or advantages, and how far apart embeddings start, says
+/// nothing where α is 0 and there is one embedding; it moves bits all the same, and is held still
+/// so that baselines and pedestrians stay what they are when the base is set otherwise for several
+/// behaviours.
 const BASELINE: &[&str] =
     &["n_behaviours=1", "intrinsic_reward=none", "alpha=0", "alpha_weighs=reward", "network.embedding_std=3"];
 
@@ -163,8 +164,9 @@ pub(crate) fn row_spec(name: &str) -> &'static RowSpec {
     ROWS.iter().find(|row| row.name == name).expect("rows are named by constants")
 }
 
-/// A configuration without the settings that have no effect: with one behaviour both discriminators' answer is always right, so
-/// that a baseline stays the same to the bit whatever they are set to (`crates/ppo/tests/contracts.rs` holds this).
+/// A configuration without the settings that have no effect: with one behaviour both
+/// discriminators' answer is always right, so that a baseline stays the same to the bit whatever
+/// they are set to (`crates/ppo/tests/contracts.rs` holds this).
 fn with_effect(config: &Config) -> Config {
     let mut config = config.clone();
     if config.n_behaviours == 1 {
@@ -260,8 +262,8 @@ impl Plan {
         bail!("its settings are no row's; nearest is {name}: {}", differences.join("; "))
     }
 
-    /// The text of the safety-zone baseline's configuration file: the base's text with the baseline's settings, and the zone's
-    /// section as the file has it.
+    /// The text of the safety-zone baseline's configuration file: the base's text with the
+    /// baseline's settings, and the zone's section as the file has it.
     ///
     /// # Errors
     /// A file without the section, or a base that leaves a setting of the baseline out.

@@ -1,4 +1,5 @@
-//! Planners in the paper's tables: under the learned rows, on the same episodes, and marked as not of the paper.
+//! Planners in the paper's tables: under the learned rows, on the same episodes, and marked as not
+//! of the paper.
 
 use std::collections::BTreeMap;
 
@@ -139,7 +140,8 @@ fn successes(episodes: &[CompactEpisode]) -> Vec<bool> {
     episodes.iter().map(|episode| episode.outcome == Outcome::Success).collect()
 }
 
-/// Differences of success to each reference by site, with the largest p of `McNemar`'s exact test over its training seeds.
+/// Differences of success to each reference by site, with the largest p of `McNemar`'s exact test
+/// over its training seeds.
 fn note(sites: &Sites, names: &[&str], references: &[Reference]) -> Option<String> {
     let of_reference = |reference: &Reference| {
         let compared: Option<Vec<String>> =
@@ -150,8 +152,9 @@ fn note(sites: &Sites, names: &[&str], references: &[Reference]) -> Option<Strin
     (!notes.is_empty()).then(|| notes.join("; "))
 }
 
-/// A learned row against a planner on paired episodes, by site. All its training seeds together count as one sample of
-/// pairs; as they meet the planner on the same episodes, the largest p of a single seed is given, too.
+/// A learned row against a planner on paired episodes, by site. All its training seeds together
+/// count as one sample of pairs; as they meet the planner on the same episodes, the largest p of a
+/// single seed is given, too.
 pub(super) fn pooled_note(row: &Row, planner: Planner, sites: &Sites, names: &[&str]) -> Option<String> {
     let of_site = |name: &&str| {
         let own = successes(sites.get(*name)?);
@@ -225,7 +228,8 @@ mod tests {
         let row = Row { seeds: vec![seed(&half), seed(&all)], shorter: None };
         let references = [Reference { name: "M = 1", row }];
         let own: Sites = [("VO".to_owned(), episodes(&all))].into();
-        // Six discordant pairs on one side: p = 2/2⁶ = 0.031 against the first seed, 1 against the second.
+        // Six discordant pairs on one side: p = 2/2⁶ = 0.031 against the first seed, 1 against the
+        // second.
         assert_eq!(note(&own, &["VO"], &references).unwrap(), "against M = 1: VO +0.250 (p = 1.000)");
         let first = [Reference { name: "M = 1", row: Row { seeds: vec![seed(&half)], shorter: None } }];
         assert_eq!(note(&own, &["VO"], &first).unwrap(), "against M = 1: VO +0.500 (p = 0.031)");
@@ -245,7 +249,8 @@ mod tests {
         };
         let row = Row { seeds: vec![seed(&all), seed(&one)], shorter: None };
         let planner: Sites = [("VO".to_owned(), episodes(&half))].into();
-        // Twelve pairs won, one lost: p = 2·(1 + 13)/2¹³ = 0.0034; the second seed alone 6 : 1, p = 2·(1 + 7)/2⁷ = 0.125.
+        // Twelve pairs won, one lost: p = 2·(1 + 13)/2¹³ = 0.0034; the second seed alone 6 : 1, p =
+        // 2·(1 + 7)/2⁷ = 0.125.
         assert_eq!(
             pooled_note(&row, Planner::Dwa, &planner, &["VO"]).unwrap(),
             "against dwa: VO +0.458 (12 : 1, p = 0.003; one seed p = 0.125)"

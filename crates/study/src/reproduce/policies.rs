@@ -44,8 +44,9 @@ pub(crate) struct Policies {
     trained: BTreeSet<&'static str>,
 }
 
-/// True if a policy that has seen some updates may stand in a row that wants others, where rows of these lengths are tested:
-/// a shorter one may, but not the one of another row, which would be printed twice.
+/// True if a policy that has seen some updates may stand in a row that wants others, where rows of
+/// these lengths are tested: a shorter one may, but not the one of another row, which would be
+/// printed twice.
 fn stands_for(trained: u64, wanted: u64, lengths: &[u64]) -> bool {
     trained == wanted || (trained < wanted && !lengths.contains(&trained))
 }
@@ -79,8 +80,8 @@ impl Policies {
         self.plan.run(POOL, 0).sim
     }
 
-    /// The policies of a variant at a number of updates, by training seed. Where there is none that long, the longest that
-    /// is shorter and has no row of its own.
+    /// The policies of a variant at a number of updates, by training seed. Where there is none that
+    /// long, the longest that is shorter and has no row of its own.
     pub(crate) fn of(&self, variant: &str, updates: u64) -> Result<Vec<Found>> {
         if self.trained.contains(variant) {
             return self.of_runs(variant, updates);

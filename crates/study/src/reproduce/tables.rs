@@ -68,7 +68,8 @@ pub(super) fn table_1(evaluator: &mut RowEvaluator) -> Result<PooledTable> {
     Ok(table)
 }
 
-/// Success of the policy that is meant to be used, trained beyond the paper's setting. Not of the paper.
+/// Success of the policy that is meant to be used, trained beyond the paper's setting. Not of the
+/// paper.
 pub(super) fn table_strong(evaluator: &mut RowEvaluator) -> Result<PooledTable> {
     let crowds = CrowdKind::PAPER.each_ref().map(CrowdKind::name);
     let mut rows = Vec::new();

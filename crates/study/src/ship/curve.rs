@@ -1,4 +1,5 @@
-//! The shipped part of a training curve: its first updates to the byte, and all of it in means over windows.
+//! The shipped part of a training curve: its first updates to the byte, and all of it in means over
+//! windows.
 
 use anyhow::{Context as _, Result, ensure};
 use jostle_eval::report::grid::csv_line;
@@ -26,8 +27,8 @@ pub(crate) fn without_clock(line: &str) -> Result<String> {
     Ok(kept)
 }
 
-/// The field in which two reports without clock first differ, in the order of their names; `None` where they are equal.
-/// Fields that the program has got since the first was written do not count.
+/// The field in which two reports without clock first differ, in the order of their names; `None`
+/// where they are equal. Fields that the program has got since the first was written do not count.
 pub(crate) fn first_difference(shipped: &str, now: &str) -> Result<Option<String>> {
     if shipped == now {
         return Ok(None);
@@ -71,7 +72,8 @@ const COLUMNS: [Column; 16] = [
     ("seconds", |r| r.clock.total),
 ];
 
-/// The whole curve as CSV: a line for each window with its last update, counts of episodes and means of the rest.
+/// The whole curve as CSV: a line for each window with its last update, counts of episodes and
+/// means of the rest.
 pub(crate) fn windows(reports: &[UpdateReport]) -> String {
     let width = reports.len().div_ceil(WINDOWS).max(1);
     let heads = ["update", "updates", "ended", "success", "collision_wall", "collision_agent", "timeout"];
@@ -95,9 +97,9 @@ pub(crate) fn windows(reports: &[UpdateReport]) -> String {
     text
 }
 
-/// A curve as update reports again: what [`windows`] wrote, each window as so many reports of its means, its episodes in the
-/// last of them. Sums and means over whole windows are the run's own, to six digits; nothing within a window is. What a curve
-/// does not hold is `None` or 0.
+/// A curve as update reports again: what [`windows`] wrote, each window as so many reports of its
+/// means, its episodes in the last of them. Sums and means over whole windows are the run's own, to
+/// six digits; nothing within a window is. What a curve does not hold is `None` or 0.
 ///
 /// # Errors
 /// A text that is no curve: names the line and the column.

@@ -8,7 +8,8 @@ use jostle_runs::log::{DEPTH, RunLog, search};
 use super::curve;
 use super::manifest::{Manifest, RunEntry};
 
-/// The runs at or below folders; a folder of shipped policies has the curves that are shipped with them, in windows of updates.
+/// The runs at or below folders; a folder of shipped policies has the curves that are shipped with
+/// them, in windows of updates.
 ///
 /// # Errors
 /// A folder without a run, and runs that cannot be read.

@@ -1,4 +1,5 @@
-//! `checkpoints/manifest.json`: which policies are shipped, where each comes from, and what its file must be.
+//! `checkpoints/manifest.json`: which policies are shipped, where each comes from, and what its
+//! file must be.
 
 use std::path::{Path, PathBuf};
 

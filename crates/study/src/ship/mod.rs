@@ -1,8 +1,9 @@
-//! `cargo xtask ship`: finished training runs become small policies in `checkpoints/`, with a manifest that says where each
-//! comes from.
+//! `cargo xtask ship`: finished training runs become small policies in `checkpoints/`, with a
+//! manifest that says where each comes from.
 //!
-//! A run's configuration decides the row that it serves (`crate::reproduce::plan`). A policy is the actor alone, by
-//! default in half precision; the success rates that are reported are those of the shipped form.
+//! A run's configuration decides the row that it serves (`crate::reproduce::plan`). A policy is the
+//! actor alone, by default in half precision; the success rates that are reported are those of the
+//! shipped form.
 
 pub(crate) mod curve;
 mod logs;
@@ -197,8 +198,9 @@ fn enter(manifest: &mut Manifest, run: RunEntry, policies: Vec<PolicyEntry>, rep
     Ok(())
 }
 
-/// The numbers of updates at which a run is shipped: those at which its variant is tested, as far as it got, and its end. A
-/// shorter run of the pedestrians is shipped at its half, for the crowd of half-trained ones.
+/// The numbers of updates at which a run is shipped: those at which its variant is tested, as far
+/// as it got, and its end. A shorter run of the pedestrians is shipped at its half, for the crowd
+/// of half-trained ones.
 fn lengths(variant: &Variant, updates: u64) -> Vec<u64> {
     let mut lengths: Vec<u64> = variant.updates.iter().copied().filter(|length| *length <= updates).collect();
     if variant.name == POOL {

@@ -1,7 +1,7 @@
 //! The leaderboard as Markdown, and as one page that sorts by any column and needs nothing else.
 //!
-//! The page is complete without its script: entries stand in the order of their mean score, and all columns are there. The
-//! script sorts rows and shows one group of columns at a time.
+//! The page is complete without its script: entries stand in the order of their mean score, and all
+//! columns are there. The script sorts rows and shows one group of columns at a time.
 
 use std::fmt::Write as _;
 

@@ -8,7 +8,8 @@ use plotters::style::text_anchor::VPos;
 
 use super::{DARK, Entry, FONT, GREY, PALE, TITLE, WIDTH, centred, ink, legend, legend_height, sheet, title};
 
-/// A table's success rates: a group of bars for each crowd, intervals as whiskers, the paper's figure as a diamond.
+/// A table's success rates: a group of bars for each crowd, intervals as whiskers, the paper's
+/// figure as a diamond.
 pub fn bars(table: &SuccessTable) -> Result<String> {
     let rows: Vec<_> = table.rows.iter().filter(|row| !row.cells.is_empty() || row.paper.is_some()).collect();
     let label = |labels: &[String]| -> String {

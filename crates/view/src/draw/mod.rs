@@ -1,7 +1,9 @@
-//! The pictures. SVG as text, so that nothing but a browser is needed to look at them, and no font to make them.
+//! The pictures. SVG as text, so that nothing but a browser is needed to look at them, and no font
+//! to make them.
 //!
-//! Reading order: this file (sheet, colours, legend); [`panels`] (curves with bands), [`bars`] (a table beside the paper's),
-//! [`heat`] (rates in a grid), [`paths`] (ways through a room). Each takes plain data and gives the text of an SVG.
+//! Reading order: this file (sheet, colours, legend); [`panels`] (curves with bands), [`bars`] (a
+//! table beside the paper's), [`heat`] (rates in a grid), [`paths`] (ways through a room). Each
+//! takes plain data and gives the text of an SVG.
 
 pub mod bars;
 pub mod heat;

@@ -119,7 +119,8 @@ fn draw_panel(cell: &Area<'_>, panel: &Panel, axis: Axis) -> Result<()> {
     Ok(())
 }
 
-/// The range of a panel's curves and levels with a little room around; 0 to 1 where there is nothing.
+/// The range of a panel's curves and levels with a little room around; 0 to 1 where there is
+/// nothing.
 fn range(panel: &Panel) -> (f64, f64) {
     let values = panel.curves.iter().flat_map(|curve| &curve.points).flat_map(|p| [p[2], p[3]]);
     let (low, high) = values

@@ -1,4 +1,5 @@
-//! Ways through a room, with arrows as long as the robot was fast (the paper's figure of trajectories per token).
+//! Ways through a room, with arrows as long as the robot was fast (the paper's figure of
+//! trajectories per token).
 
 use anyhow::{Result, ensure};
 use plotters::prelude::*;

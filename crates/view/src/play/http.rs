@@ -1,7 +1,7 @@
 //! As much of HTTP/1.1 as one page and one WebSocket need (RFC 9112; RFC 6455, section 4).
 //!
-//! Rejected: a web framework with an asynchronous runtime. It brings two dozen crates into every build, for a page that
-//! one person opens on their own machine.
+//! Rejected: a web framework with an asynchronous runtime. It brings two dozen crates into every
+//! build, for a page that one person opens on their own machine.
 
 use std::io::{Read, Write};
 

@@ -1,8 +1,8 @@
 //! `cargo xtask play`: a page on this machine in which a policy drives among a crowd in real time.
 //!
-//! Reading order: this file (what can be chosen), `session` (a room; no clock, no socket), `message` (what page and
-//! server say), `visit` (a visitor and the clock), `server` and `http` (connections), `page`; `live.js` is the page,
-//! and `scene.js` of the replay draws it.
+//! Reading order: this file (what can be chosen), `session` (a room; no clock, no socket),
+//! `message` (what page and server say), `visit` (a visitor and the clock), `server` and `http`
+//! (connections), `page`; `live.js` is the page, and `scene.js` of the replay draws it.
 //!
 //! Every visitor has a room of their own, so that a second window starts anew and disturbs nobody.
 
@@ -40,10 +40,11 @@ use jostle_runs::policies;
     cargo xtask play runs/ours --pool runs/pool --crowd IN --port 8080\n\nCtrl-C ends it."
 )]
 pub struct PlayArgs {
-    /// Checkpoint files, run folders or planners to choose from (default: the shipped ones). Planners that are not named come
-    /// last.
+    /// Checkpoint files, run folders or planners to choose from (default: the shipped ones).
+    /// Planners that are not named come last.
     policy: Vec<PathBuf>,
-    /// Crowd at the start: SF, VO, straight, stop-and-go; with --pool also NH, IN, VA, SO, cross-play.
+    /// Crowd at the start: SF, VO, straight, stop-and-go; with --pool also NH, IN, VA, SO,
+    /// cross-play.
     #[arg(long, default_value = "SF")]
     crowd: CrowdKind,
     /// Pedestrians at the start.
@@ -52,10 +53,12 @@ pub struct PlayArgs {
     /// Behaviour token of the robot at the start.
     #[arg(long, value_name = "Z", default_value_t = 0)]
     token: u32,
-    /// Seed of starts, goals and noise: the same seed and the same actions of yours give the same episode.
+    /// Seed of starts, goals and noise: the same seed and the same actions of yours give the same
+    /// episode.
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Policies that drive learned pedestrians: files, run folders, or a folder of either; may be repeated.
+    /// Policies that drive learned pedestrians: files, run folders, or a folder of either; may be
+    /// repeated.
     #[arg(long, value_name = "PATH", num_args = 1..)]
     pool: Vec<PathBuf>,
     /// The same at half their training, for crowd SO.

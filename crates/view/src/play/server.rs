@@ -63,7 +63,8 @@ impl Server {
         Self { catalogue, first, visits: AtomicUsize::new(0), connections: AtomicUsize::new(0) }
     }
 
-    /// Answers connections until the process ends. What goes wrong in one of them is its own affair.
+    /// Answers connections until the process ends. What goes wrong in one of them is its own
+    /// affair.
     pub(crate) fn serve(self: &Arc<Self>, listener: &TcpListener, address: SocketAddr) {
         for stream in listener.incoming() {
             let Ok(stream) = stream else {
@@ -83,7 +84,8 @@ impl Server {
         }
     }
 
-    /// Answers one connection. Browsers open connections that they never use: these end without a word.
+    /// Answers one connection. Browsers open connections that they never use: these end without a
+    /// word.
     fn connection(&self, mut stream: TcpStream, address: SocketAddr) -> Result<()> {
         let Some(_connection) = Counted::below(&self.connections, CONNECTIONS_MAX) else { return Ok(()) };
         stream.set_read_timeout(Some(PATIENCE)).context("a socket without a clock")?;
@@ -125,7 +127,8 @@ impl Server {
     }
 }
 
-/// True if a request was meant for this server: by name and, where a script sent it, from this server's own page.
+/// True if a request was meant for this server: by name and, where a script sent it, from this
+/// server's own page.
 fn is_ours(head: &Head, address: SocketAddr) -> bool {
     let names = [address.to_string(), format!("localhost:{}", address.port())];
     let host = head.field("host").is_some_and(|host| names.iter().any(|name| name == host));

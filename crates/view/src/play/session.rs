@@ -1,5 +1,5 @@
-//! A room that a visitor plays with. No clock and no socket: a session is a function of its setup and of what it is
-//! asked, in order.
+//! A room that a visitor plays with. No clock and no socket: a session is a function of its setup
+//! and of what it is asked, in order.
 
 use anyhow::{Context as _, Result, ensure};
 use base64::prelude::{BASE64_STANDARD, Engine as _};
@@ -118,7 +118,8 @@ impl<'a> Session<'a> {
         })
     }
 
-    /// One control period; a moment later the episode may have ended. A room whose episode has ended stands still.
+    /// One control period; a moment later the episode may have ended. A room whose episode has
+    /// ended stands still.
     ///
     /// # Errors
     /// What the crowd or the room refuses.

@@ -13,8 +13,8 @@ use jostle_mcap::{Episode, Moment, Place, Scanner, Wall};
 use jostle_runs::run_folder::write_bytes_atomically;
 use jostle_sim::LaserConfig;
 
-/// Writes episodes, each with the name of who drove the robot, one after the other. Their traces hold all beams; the room's walls and
-/// obstacles are these polygons.
+/// Writes episodes, each with the name of who drove the robot, one after the other. Their traces
+/// hold all beams; the room's walls and obstacles are these polygons.
 ///
 /// # Errors
 /// A trace without all beams; a file that cannot be written.

@@ -1,8 +1,10 @@
-//! `cargo xtask replay`: episodes of a policy as one page that a browser plays, alone or beside another policy.
+//! `cargo xtask replay`: episodes of a policy as one page that a browser plays, alone or beside
+//! another policy.
 //!
-//! Reading order: this file (which episodes), [`driver`] (who drives the robot), [`page`] (the file that is written);
-//! `scene.js` draws a moment, `player.js` is the page around it, `parts.js` what it shares with the live page. [`gif`] (one episode
-//! as a moving picture) and [`mcap`] (all of them for the tools of ROS 2) are written where they are asked for.
+//! Reading order: this file (which episodes), [`driver`] (who drives the robot), [`page`] (the file
+//! that is written); `scene.js` draws a moment, `player.js` is the page around it, `parts.js` what
+//! it shares with the live page. [`gif`] (one episode as a moving picture) and [`mcap`] (all of
+//! them for the tools of ROS 2) are written where they are asked for.
 
 pub mod driver;
 pub mod gif;
@@ -53,7 +55,8 @@ pub struct ReplayArgs {
     /// Another policy on the same episodes, side by side; may be repeated.
     #[arg(long, value_name = "POLICY")]
     against: Vec<PathBuf>,
-    /// Crowds, separated by commas: SF, VO, straight, stop-and-go; with --pool also NH, IN, VA, SO, cross-play.
+    /// Crowds, separated by commas: SF, VO, straight, stop-and-go; with --pool also NH, IN, VA, SO,
+    /// cross-play.
     #[arg(
         long,
         value_delimiter = ',',
@@ -74,7 +77,8 @@ pub struct ReplayArgs {
     /// Number of episodes to search for them.
     #[arg(long, value_name = "N", default_value_t = 1000)]
     search: u64,
-    /// Policies that drive learned pedestrians: files, run folders, or a folder of either; may be repeated.
+    /// Policies that drive learned pedestrians: files, run folders, or a folder of either; may be
+    /// repeated.
     #[arg(long, value_name = "PATH", num_args = 1..)]
     pool: Vec<PathBuf>,
     /// The same at half their training, for crowd SO (default: from the runs of --pool).
@@ -89,7 +93,8 @@ pub struct ReplayArgs {
     /// Agents in a room, the robot among them (default: as in training, else 5).
     #[arg(long, value_name = "N", conflicts_with = "recording")]
     agents: Option<usize>,
-    /// Change a key of the room that the policy was trained in, such as `sim.robot.dynamics=rapier`; may be repeated.
+    /// Change a key of the room that the policy was trained in, such as
+    /// `sim.robot.dynamics=rapier`; may be repeated.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     changes: Vec<String>,
     #[command(flatten)]
@@ -103,7 +108,8 @@ pub struct ReplayArgs {
     /// Also writes the first episode as an animated GIF, at twice the speed of life.
     #[arg(long, value_name = "FILE")]
     gif: Option<PathBuf>,
-    /// Also writes all episodes as an MCAP file: scans, odometry, transforms and markers as ROS 2 has them.
+    /// Also writes all episodes as an MCAP file: scans, odometry, transforms and markers as ROS 2
+    /// has them.
     #[arg(long, value_name = "FILE")]
     mcap: Option<PathBuf>,
     /// Worker threads (default: all cores). The result does not depend on it.
@@ -201,7 +207,8 @@ fn export(
     Ok(written)
 }
 
-/// The room of the first driver that was trained in one, with as many agents as asked for or as it was trained with.
+/// The room of the first driver that was trained in one, with as many agents as asked for or as it
+/// was trained with.
 ///
 /// # Errors
 /// Two policies that read different observations.

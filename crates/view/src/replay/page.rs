@@ -1,7 +1,7 @@
 //! The page: traces as compact JSON inside one HTML file that needs nothing else.
 //!
-//! Positions are whole centimetres, angles milliradians, speeds mm/s, as little-endian 16-bit integers in base 64; a
-//! range is a byte. An episode of 150 steps takes about 40 kB.
+//! Positions are whole centimetres, angles milliradians, speeds mm/s, as little-endian 16-bit
+//! integers in base 64; a range is a byte. An episode of 150 steps takes about 40 kB.
 
 use anyhow::{Context as _, Result, ensure};
 use base64::prelude::{BASE64_STANDARD, Engine as _};
@@ -195,7 +195,8 @@ impl Page {
 
     /// The whole file.
     pub fn html(&self) -> Result<String> {
-        // `<` can stand in strings alone, where its escape means the same; so no name can close the script.
+        // `<` can stand in strings alone, where its escape means the same; so no name can close the
+        // script.
         let data = serde_json::to_string(self).context("a page that is no JSON")?.replace('<', "\\u003c");
         let names: Vec<&str> = self.policies.iter().map(|policy| policy.name.as_str()).collect();
         let title = format!("jostle: {}", names.join(" and ")).replace('&', "&amp;").replace('<', "&lt;");
@@ -248,7 +249,8 @@ fn run_of(trace: &EpisodeTrace, range: f32) -> Run {
     }
 }
 
-/// The ranges of the beams that a page keeps, of those that the trace has: 0 is 0 m and 255 the laser's range.
+/// The ranges of the beams that a page keeps, of those that the trace has: 0 is 0 m and 255 the
+/// laser's range.
 fn ranges_of(frame: &TraceFrame, range: f32) -> impl Iterator<Item = u8> {
     let quantise = move |reading: &f32| (reading / range * 255.0).round().clamp(0.0, 255.0) as u8;
     frame.ranges.iter().step_by(beam_stride(frame.ranges.len(), BEAMS)).map(quantise)

@@ -1,4 +1,5 @@
-//! A page without a mouse and without eyes: every control is reached by Tab, and axe-core finds nothing serious.
+//! A page without a mouse and without eyes: every control is reached by Tab, and axe-core finds
+//! nothing serious.
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -10,7 +11,8 @@ use serde_json::Value;
 
 use super::tab::Tab;
 
-/// The engine that accessibility checkers run (<https://github.com/dequelabs/axe-core>), as npm has it.
+/// The engine that accessibility checkers run (<https://github.com/dequelabs/axe-core>), as npm has
+/// it.
 const AXE: &str = "axe-core@4.14.1";
 /// Names its file where npm is not to be asked.
 const VARIABLE: &str = "JOSTLE_AXE";
@@ -43,7 +45,8 @@ fn fetched() -> Result<PathBuf> {
     Ok(file)
 }
 
-/// Requires that axe-core finds no violation that it calls serious or critical, in light and in dark.
+/// Requires that axe-core finds no violation that it calls serious or critical, in light and in
+/// dark.
 pub(super) fn check_with_axe(tab: &mut Tab, axe: &str) -> Result<()> {
     tab.eval(&format!("(() => {{ {axe} }})(), typeof axe === 'object'"))?;
     for theme in ["light", "dark"] {
@@ -58,7 +61,8 @@ pub(super) fn check_with_axe(tab: &mut Tab, axe: &str) -> Result<()> {
     Ok(())
 }
 
-/// Requires that Tab leads to every control that can be used, and that each shows that it has the focus.
+/// Requires that Tab leads to every control that can be used, and that each shows that it has the
+/// focus.
 pub(super) fn check_keyboard(tab: &mut Tab) -> Result<()> {
     let wanted = strings(&tab.eval(
         "const controls = [...document.querySelectorAll('button, select, input, [tabindex=\"0\"]')]\

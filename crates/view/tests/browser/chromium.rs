@@ -43,7 +43,8 @@ impl Chromium {
         let profile = std::env::temp_dir().join(format!("jostle-web-{}", std::process::id()));
         let mut child = Command::new(&program)
             .args(["--headless=new", "--remote-debugging-port=0", "--no-first-run", "--disable-gpu"])
-            // It shows our own pages alone, and some systems (containers, root) cannot have its sandbox.
+            // It shows our own pages alone, and some systems (containers, root) cannot have its
+            // sandbox.
             .args(["--no-sandbox", "--disable-dev-shm-usage", "--disable-background-networking"])
             .args(["--disable-background-timer-throttling", "--disable-renderer-backgrounding"])
             .arg(format!("--user-data-dir={}", profile.display()))

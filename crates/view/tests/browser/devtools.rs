@@ -1,4 +1,5 @@
-//! The DevTools protocol: numbered calls and what happens in between (<https://chromedevtools.github.io/devtools-protocol/>).
+//! The DevTools protocol: numbered calls and what happens in between
+//! (<https://chromedevtools.github.io/devtools-protocol/>).
 
 use std::net::TcpStream;
 use std::time::{Duration, Instant};

@@ -1,7 +1,8 @@
 //! Pictures a second: a page with 20 pedestrians keeps up with a screen of 60.
 //!
-//! On a machine with nothing else to do that is what is counted. On a busy one nothing gets its pictures in time; there the page passes by
-//! the processor time that a picture takes in each of the browser's processes, which other programs cannot change much.
+//! On a machine with nothing else to do that is what is counted. On a busy one nothing gets its
+//! pictures in time; there the page passes by the processor time that a picture takes in each of
+//! the browser's processes, which other programs cannot change much.
 
 use std::collections::BTreeMap;
 
@@ -19,8 +20,8 @@ const SCREEN: f64 = 60.0;
 /// The share of them that has to be kept.
 const KEPT: f64 = 0.97;
 
-/// Requires 60 pictures a second in the best of some windows, or no more processor time for a picture than a screen waits for one.
-/// `what` names the page in the note with the figures.
+/// Requires 60 pictures a second in the best of some windows, or no more processor time for a
+/// picture than a screen waits for one. `what` names the page in the note with the figures.
 pub(super) fn check(tab: &mut Tab, what: &str) -> Result<()> {
     // Every drawing of a room is timed on the way.
     tab.eval(

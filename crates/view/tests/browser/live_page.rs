@@ -29,7 +29,8 @@ pub(super) fn check(tab: &mut Tab) -> Result<()> {
 
     let goal = tab.eval("document.body.dataset.goal")?;
     tab.drag(".view canvas", &[(0.3, 0.3), (0.4, 0.4), (0.5, 0.25)])?;
-    // The middle of the room's width; a quarter of its height from above: (0, 5) of 20 m, with a margin around.
+    // The middle of the room's width; a quarter of its height from above: (0, 5) of 20 m, with a
+    // margin around.
     tab.wait(&format!("document.body.dataset.goal !== {goal}"))?;
     tab.wait("(g => Math.abs(g[0]) < 0.3 && Math.abs(g[1] - 5.2) < 0.3)(document.body.dataset.goal.split(' ').map(Number))")?;
 
@@ -95,7 +96,8 @@ fn drop_at_some_place(tab: &mut Tab, key: &str, count: &str) -> Result<()> {
     bail!("no place was free for {count}")
 }
 
-/// Visitors from elsewhere, nonsense and sudden ends: each is answered or dropped, and the next visitor is served.
+/// Visitors from elsewhere, nonsense and sudden ends: each is answered or dropped, and the next
+/// visitor is served.
 pub(super) fn check_strangers(url: &str) -> Result<()> {
     let address = url.replacen("http", "ws", 1) + "live";
     let stranger = websocket(&address, Some("http://elsewhere.example"));

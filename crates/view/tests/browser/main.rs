@@ -1,10 +1,12 @@
-//! `cargo xtask ci --web`: the replay page, the live page and the leaderboard in a real browser, without a window.
+//! `cargo xtask ci --web`: the replay page, the live page and the leaderboard in a real browser,
+//! without a window.
 //!
-//! Reading order: [`replay_page`], [`live_page`] and [`board_page`] (what is checked), [`access`] (without a mouse, without eyes), [`frames`] (how smoothly), [`tab`] (a page and a visitor's hands), [`devtools`]
-//! (the protocol), [`chromium`] (the program).
+//! Reading order: [`replay_page`], [`live_page`] and [`board_page`] (what is checked), [`access`]
+//! (without a mouse, without eyes), [`frames`] (how smoothly), [`tab`] (a page and a visitor's
+//! hands), [`devtools`] (the protocol), [`chromium`] (the program).
 //!
-//! Rejected: a crate for the whole DevTools protocol. The dozen calls that are made here need a WebSocket and JSON, which
-//! are there already.
+//! Rejected: a crate for the whole DevTools protocol. The dozen calls that are made here need a
+//! WebSocket and JSON, which are there already.
 
 mod access;
 mod board_page;

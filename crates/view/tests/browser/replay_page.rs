@@ -84,7 +84,8 @@ pub(super) fn check(tab: &mut Tab) -> Result<()> {
     check_link(tab)
 }
 
-/// A link leads to its moment: from another page, from this one, and where a filter hides the episode.
+/// A link leads to its moment: from another page, from this one, and where a filter hides the
+/// episode.
 fn check_link(tab: &mut Tab) -> Result<()> {
     let moment =
         "[document.body.dataset.crowd, document.body.dataset.episode, document.body.dataset.step].join(' ')";

@@ -48,7 +48,8 @@ impl Tab {
         self.devtools.call(Some(&self.session), method, parameters)
     }
 
-    /// Processor time of each of the browser's processes since its start (s), by the process' number.
+    /// Processor time of each of the browser's processes since its start (s), by the process'
+    /// number.
     pub(super) fn processor_seconds(&mut self) -> Result<Vec<(u64, f64)>> {
         let told = self.devtools.call(None, "SystemInfo.getProcessInfo", &json!({}))?;
         let processes = told["processInfo"].as_array().context("a browser without processes")?;
@@ -133,7 +134,8 @@ impl Tab {
         self.drag(selector, &[(0.5, 0.5)])
     }
 
-    /// Presses at the first place (shares of the element's box), moves along the others and lets go.
+    /// Presses at the first place (shares of the element's box), moves along the others and lets
+    /// go.
     pub(super) fn drag(&mut self, selector: &str, places: &[(f64, f64)]) -> Result<()> {
         let mut last = (0.0, 0.0);
         for (index, share) in places.iter().enumerate() {
@@ -164,8 +166,8 @@ impl Tab {
         Ok(())
     }
 
-    /// Requires that the page fits its window's width, and its height where it is not narrow; that no letters are too
-    /// small; and that each canvas shows something.
+    /// Requires that the page fits its window's width, and its height where it is not narrow; that
+    /// no letters are too small; and that each canvas shows something.
     pub(super) fn check_legible(&mut self) -> Result<()> {
         let (width, height) = self.size;
         self.require(&format!("document.documentElement.scrollWidth <= {width}"))?;

@@ -1,4 +1,5 @@
-//! Installation of other software: a Python environment of its own, RVO2 built from a checkout, Stage as it is.
+//! Installation of other software: a Python environment of its own, RVO2 built from a checkout,
+//! Stage as it is.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -10,9 +11,11 @@ use super::side::Side;
 use super::{PeersArgs, packages, peers_folder};
 use jostle_runs::output::note;
 
-/// The packages asked of the package index: name and version. PyTorch's is the one whose figures the project quotes.
+/// The packages asked of the package index: name and version. PyTorch's is the one whose figures
+/// the project quotes.
 const PINNED: [(&str, &str); 3] = [("torch", "2.8.0"), ("ir-sim", "2.12.0"), ("vmas", "1.5.2")];
-/// The size of what PyTorch's Linux wheel on the package index needs: it cannot be imported without CUDA's libraries.
+/// The size of what PyTorch's Linux wheel on the package index needs: it cannot be imported without
+/// CUDA's libraries.
 const TORCH_SIZE: &str = "about 3.5 GB from PyPI (its Linux wheel does not load without CUDA's libraries; --torch-index takes a \
                           CPU wheel of about 0.2 GB from another index, --python uses a Python that has it)";
 

@@ -1,7 +1,9 @@
-//! `cargo xtask bench peers`: ours and other software on the same work with the same threads, taking turns.
+//! `cargo xtask bench peers`: ours and other software on the same work with the same threads,
+//! taking turns.
 //!
-//! Reading order: [`contest`] (who does what), [`install`] (how the others get here), [`side`] (a process that answers
-//! with rounds), [`report`] (the table). The others' drivers are ours: `crates/bench/peers/`.
+//! Reading order: [`contest`] (who does what), [`install`] (how the others get here), [`side`] (a
+//! process that answers with rounds), [`report`] (the table). The others' drivers are ours:
+//! `crates/bench/peers/`.
 
 mod contest;
 mod install;
@@ -39,7 +41,8 @@ pub(super) struct PeersArgs {
     /// Rounds of each side.
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(5..))]
     rounds: u32,
-    /// Only these workloads or peers, such as `update`, `forward-5`, `learner-motion`, `simulator-1`, `orca-100`, `pytorch`, `vmas`.
+    /// Only these workloads or peers, such as `update`, `forward-5`, `learner-motion`,
+    /// `simulator-1`, `orca-100`, `pytorch`, `vmas`.
     #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
     only: Vec<String>,
     /// Use this Python as it is, and install nothing.

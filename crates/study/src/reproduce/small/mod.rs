@@ -1,4 +1,5 @@
-//! `cargo xtask reproduce table1 --preset small`: everything from nothing within minutes, to see that every part works.
+//! `cargo xtask reproduce table1 --preset small`: everything from nothing within minutes, to see
+//! that every part works.
 
 mod plan;
 mod table1;

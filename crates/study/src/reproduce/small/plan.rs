@@ -1,4 +1,5 @@
-//! The plan of the small Table 1: the runs, their seeds, and the checkpoint that each row is tested at.
+//! The plan of the small Table 1: the runs, their seeds, and the checkpoint that each row is tested
+//! at.
 
 use crate::paper::{BehavioursRow, TABLE_1};
 use jostle_diversity::IntrinsicReward;
@@ -36,7 +37,8 @@ pub(crate) struct Run {
     pub(crate) config: Config,
 }
 
-/// The run that serves the table's rows with this many behaviours; the longest of them decides its length.
+/// The run that serves the table's rows with this many behaviours; the longest of them decides its
+/// length.
 pub(crate) fn row_run(n_behaviours: u32) -> Run {
     let rows = TABLE_1.iter().filter(|row| row.n_behaviours == n_behaviours);
     let updates = rows.map(|row| u64::from(row.updates)).max().unwrap_or(0);

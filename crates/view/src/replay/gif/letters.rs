@@ -18,7 +18,8 @@ pub(super) fn fitting(text: &str, pixels: u32) -> String {
     text.chars().take(pixels as usize / get_raster_width(WEIGHT, SIZE)).collect()
 }
 
-/// Writes a text whose upper left corner is at (x, y); a letter that the font has not becomes a question mark.
+/// Writes a text whose upper left corner is at (x, y); a letter that the font has not becomes a
+/// question mark.
 pub(super) fn write(picture: &mut Pixmap, text: &str, [x, y]: [u32; 2], ink: Color) {
     let step = get_raster_width(WEIGHT, SIZE) as u32;
     for (k, letter) in text.chars().enumerate() {

@@ -1,9 +1,12 @@
-//! One episode as an animated GIF, the robots side by side: what the page shows, for places that play no page.
+//! One episode as an animated GIF, the robots side by side: what the page shows, for places that
+//! play no page.
 //!
-//! Every second step is a frame, shown for one control period, so that the picture runs at twice the speed of life. A file is a function
-//! of its traces: shapes are drawn without SIMD, letters are a bitmap font, and colours are counted in a fixed order.
+//! Every second step is a frame, shown for one control period, so that the picture runs at twice
+//! the speed of life. A file is a function of its traces: shapes are drawn without SIMD, letters
+//! are a bitmap font, and colours are counted in a fixed order.
 //!
-//! Reading order: this file (frames and file), [`panel`] (a moment of one robot), [`letters`], [`palette`] (from colours to indices).
+//! Reading order: this file (frames and file), [`panel`] (a moment of one robot), [`letters`],
+//! [`palette`] (from colours to indices).
 
 mod letters;
 mod palette;
@@ -36,10 +39,12 @@ const WIDTHS: [u32; 4] = [480, 400, 300, 240];
 /// Largest side of the whole picture (pixels).
 const LARGEST: u32 = 4000;
 
-/// Writes the moving picture of an episode that several robots drove: each one's name and its trace.
+/// Writes the moving picture of an episode that several robots drove: each one's name and its
+/// trace.
 ///
 /// # Errors
-/// A room or a number of robots that gives a picture of more than [`LARGEST`] pixels; a file that cannot be written.
+/// A room or a number of robots that gives a picture of more than [`LARGEST`] pixels; a file that
+/// cannot be written.
 pub fn write(
     file: &Path,
     robots: &[(&str, &EpisodeTrace)],
@@ -120,7 +125,8 @@ impl<'a> Film<'a> {
     }
 }
 
-/// The part of a picture that is not as `shown` is, as a frame to be laid over it; what is the same in it is transparent.
+/// The part of a picture that is not as `shown` is, as a frame to be laid over it; what is the same
+/// in it is transparent.
 fn difference(shown: &[u8], next: &[u8], width: u16, height: u16) -> Frame<'static> {
     let wide = usize::from(width);
     let is_new = |at: usize| shown.get(at) != Some(&next[at]);

@@ -1,5 +1,5 @@
-//! A moment of one robot's episode: room, laser, goal, trails, bodies, and a line of words above. The same things as on the page
-//! (`scene.js`), without what a small picture cannot show.
+//! A moment of one robot's episode: room, laser, goal, trails, bodies, and a line of words above.
+//! The same things as on the page (`scene.js`), without what a small picture cannot show.
 
 use glam::Vec2;
 use jostle_arena::Outcome;
