@@ -21,6 +21,7 @@ pub(crate) struct Cli {
 
 /// One command with its arguments.
 #[derive(Subcommand)]
+#[expect(clippy::large_enum_variant, reason = "one value is made, from the command line")]
 enum Command {
     #[command(flatten)]
     Product(jostle_cli::Command),

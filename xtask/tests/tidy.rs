@@ -20,6 +20,28 @@ fn every_file_opens_with_what_it_is() {
 }
 
 #[test]
+fn comments_end_within_a_hundred_columns() {
+    let mut long = Vec::new();
+    for path in sources(&workspace()) {
+        let mut is_code = false;
+        for (index, line) in text(&path).lines().enumerate() {
+            let Some(comment) = line.trim_start().strip_prefix("//") else {
+                is_code = false;
+                continue;
+            };
+            let words = comment.trim_start_matches(['/', '!']);
+            is_code ^= words.trim_start().starts_with("```");
+            // Code and tables in comments are as wide as they have to be.
+            let is_prose = !is_code && !words.trim_start().starts_with('|') && !words.starts_with("    ");
+            if is_prose && line.chars().count() > 100 {
+                long.push(format!("{}:{}", path.display(), index + 1));
+            }
+        }
+    }
+    assert!(long.is_empty(), "comments of more than 100 columns:\n{}", long.join("\n"));
+}
+
+#[test]
 fn the_random_generators_of_candle_are_not_used() {
     // They cannot be seeded on the CPU.
     check(&["Tensor::rand", "rand_like(", "randn_like("], &[]);

@@ -14,7 +14,7 @@ use jostle_arena::driving::Driving;
 use jostle_arena::metrics::{EpisodeMetrics, MetricScale};
 use serde::{Deserialize, Serialize};
 
-use crate::report::suite::cvar;
+use crate::statistics::cvar;
 
 /// An episode that runs out of time is a deadlock if the robot has stood for so long at its end
 /// (s).

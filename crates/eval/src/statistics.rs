@@ -4,7 +4,7 @@
 //!
 //! Reading order: [`mod@wilson`], [`mcnemar`], [`newcombe`] (episodes of two policies);
 //! [`contrast`], [`bootstrap`] (training seeds); [`binomial`] and [`student`] hold the sums that
-//! they need.
+//! they need; [`tail`] is about the worst values.
 
 pub mod binomial;
 pub mod bootstrap;
@@ -12,11 +12,13 @@ pub mod contrast;
 pub mod mcnemar;
 pub mod newcombe;
 pub mod student;
+pub mod tail;
 pub mod wilson;
 
 pub use contrast::{Contrast, Permutation};
 pub use mcnemar::{Mcnemar, PairedCounts};
 pub use newcombe::paired_difference;
+pub use tail::cvar;
 pub use wilson::{Interval, wilson};
 
 /// Two-sided 95 % point of the standard normal distribution: Φ(z) = 0.975, not the rounded 1.96.

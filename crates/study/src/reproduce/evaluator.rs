@@ -9,19 +9,22 @@ use anyhow::{Result, ensure};
 use jostle_arena::config::ArenaConfig;
 use jostle_arena::crowds::Pools;
 use jostle_arena::{Driver, Planner};
+use jostle_eval::compact::CompactEpisode;
 use jostle_eval::diversity::{Diversity, TRAJECTORY_STEPS, diversity, trajectory};
 use jostle_eval::protocol::Protocol;
 use jostle_peds::CrowdKind;
 
 use super::cells::{Cells, Wanted};
 use super::plan::row_spec;
-use super::planners::Sites;
 use super::policies::{Found, Policies};
 
 /// The behaviour token of every row (paper, V-A).
 pub(crate) const TOKEN: u32 = 0;
 /// Seed of the trajectory that D is measured on.
 const TRAJECTORY_SEED: u64 = 0;
+
+/// Episodes of a planner, by crowd or map.
+pub(super) type Sites = BTreeMap<String, Vec<CompactEpisode>>;
 
 /// A row with its policies and episodes.
 #[derive(Clone, Debug, Default)]
@@ -103,10 +106,7 @@ impl RowEvaluator {
     pub(crate) fn row_at(
         &mut self,
         name: &'static str,
-        mut run: impl FnMut(
-            &mut Cells,
-            &Found,
-        ) -> Result<Vec<(String, Vec<jostle_eval::compact::CompactEpisode>)>>,
+        mut run: impl FnMut(&mut Cells, &Found) -> Result<Vec<(String, Vec<CompactEpisode>)>>,
     ) -> Result<&Evaluated> {
         let mut row = self.take(name)?;
         for (found, seed) in row.found.iter().zip(&mut row.row.seeds) {
@@ -123,7 +123,7 @@ impl RowEvaluator {
         token: u32,
         crowd: CrowdKind,
         n_agents: Option<usize>,
-    ) -> Result<Vec<jostle_eval::compact::CompactEpisode>> {
+    ) -> Result<Vec<CompactEpisode>> {
         let config = ArenaConfig {
             sim: found.policy.sim_config()?,
             n_agents: n_agents.unwrap_or(found.policy.file.provenance.n_agents as usize),

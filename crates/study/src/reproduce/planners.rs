@@ -1,8 +1,6 @@
 //! Planners in the paper's tables: under the learned rows, on the same episodes, and marked as not
 //! of the paper.
 
-use std::collections::BTreeMap;
-
 use crate::claims::{Measure, Row};
 use anyhow::Result;
 use jostle_arena::Outcome;
@@ -13,7 +11,7 @@ use jostle_eval::report::{PooledCell, PooledRow, SeedValue, Source};
 use jostle_eval::statistics::PairedCounts;
 use jostle_peds::CrowdKind;
 
-use super::evaluator::RowEvaluator;
+use super::evaluator::{RowEvaluator, Sites};
 
 /// The note below tables with rows of planners.
 pub(super) const NOTE: &str = "planner: not learned and not of the paper (docs/planners.md), on the same episodes. 95 %: Wilson's \
@@ -21,9 +19,6 @@ pub(super) const NOTE: &str = "planner: not learned and not of the paper (docs/p
     observation row.";
 /// p below which only that is said.
 const SMALL_P: f64 = 0.001;
-
-/// Episodes of a planner, by crowd or map.
-pub(super) type Sites = BTreeMap<String, Vec<CompactEpisode>>;
 
 /// A learned row that planners are compared with on paired episodes.
 pub(super) struct Reference {
