@@ -1,8 +1,8 @@
 //! `cargo xtask leaderboard`: robots on the standard suite, as entries of which each runs again to
 //! the bit from its own line.
 //!
-//! Reading order: [`run`], [`enter`] (a robot is run, and compared where it is stored),
-//! [`store_pages`], [`check`] (what is stored is what it says; `verify results` asks for it, too).
+//! Reading order: [`run`], `enter` (a robot is run, and compared where it is stored),
+//! `store_pages`, `check` (what is stored is what it says; `verify results` asks for it, too).
 //! An entry is `NAME.json` in the folder; `leaderboard.md` and `index.html` beside them are made of
 //! the entries.
 
