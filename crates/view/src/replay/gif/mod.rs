@@ -5,8 +5,8 @@
 //! the speed of life. A file is a function of its traces: shapes are drawn without SIMD, letters
 //! are a bitmap font, and colours are counted in a fixed order.
 //!
-//! Reading order: this file (frames and file), [`panel`] (a moment of one robot), [`letters`],
-//! [`palette`] (from colours to indices).
+//! Reading order: this file (frames and file), `panel` (a moment of one robot), `letters`,
+//! `palette` (from colours to indices).
 
 mod letters;
 mod palette;
@@ -43,7 +43,7 @@ const LARGEST: u32 = 4000;
 /// trace.
 ///
 /// # Errors
-/// A room or a number of robots that gives a picture of more than [`LARGEST`] pixels; a file that
+/// A room or a number of robots that gives a picture of more than `LARGEST` pixels; a file that
 /// cannot be written.
 pub fn write(
     file: &Path,
