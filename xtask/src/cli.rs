@@ -68,7 +68,8 @@ mod tests {
         let pages = docs.filter(|path| path.extension().is_some_and(|extension| extension == "md"));
         let mut found = 0;
         for page in pages.chain([workspace().join("README.md")]) {
-            let text = std::fs::read_to_string(&page).unwrap();
+            // A shell joins a line that ends in a backslash with the next.
+            let text = std::fs::read_to_string(&page).unwrap().replace("\\\n", " ");
             for line in text.lines().filter_map(|line| line.strip_prefix("cargo xtask ")) {
                 let command = line.split(['#', '>']).next().unwrap_or(line);
                 let words = ["xtask"].into_iter().chain(command.split_whitespace());
