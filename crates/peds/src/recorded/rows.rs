@@ -117,10 +117,20 @@ enum Line {
     },
 }
 
+/// The start of a text, for a message: a damaged line may be of any length.
+fn start(text: &str) -> String {
+    const MOST: usize = 120;
+    if text.chars().count() <= MOST {
+        return text.to_owned();
+    }
+    text.chars().take(MOST).chain(['…']).collect()
+}
+
 /// A row, or nothing for a scene, whose frame rate is noted and must be the same in all scenes.
 fn trajnet(line: &str, number: usize, interval: &mut Option<(usize, f64)>) -> Result<Option<Row>, String> {
-    let line: Line = serde_json::from_str(line)
-        .map_err(|error| format!("expected a track or a scene of trajnet++: {error}"))?;
+    let line: Line = serde_json::from_str(line).map_err(|error| {
+        format!("expected a track or a scene of trajnet++: {}", start(&error.to_string()))
+    })?;
     match line {
         Line::Track { prediction_number: Some(_), .. } | Line::Scene { fps: None } => Ok(None),
         Line::Track { f, p, x, y, prediction_number: None } => {
@@ -160,6 +170,8 @@ mod tests {
             assert!(found == line && problem.contains(part), "line {found}: {problem}");
         };
         check(&format!("{track}\n{{}}\n"), 2, "expected a track or a scene");
+        let (_, problem) = read(&format!("{{\"{}\": 1}}", "t".repeat(2000))).unwrap_err();
+        assert!(problem.chars().count() < 200 && problem.ends_with('…'), "{problem}");
         check(&track.replace("\"x\"", "\"z\""), 1, "missing field `x`");
         check(&track.replace("\"f\": 10", "\"f\": 10.5"), 1, "f: found 10.5");
         check(&scene.replace("2.5", "0"), 1, "fps: found 0");
