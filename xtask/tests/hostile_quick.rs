@@ -15,7 +15,7 @@ fn a_few_hostile_files_are_survived() {
     let folder = tempfile::tempdir().unwrap();
     let kept = folder.path().join("crashes");
     let out = accepted(&["fuzz", "--cases", "150", "--seed", "11", "--out", text(&kept)]);
-    assert_eq!(out.lines().count(), 8, "{out}");
+    assert_eq!(out.lines().count(), 9, "{out}");
     assert!(out.lines().all(|line| line.contains(" 150 inputs") && line.contains(" 0 crashes")), "{out}");
     assert!(!kept.exists());
 }
