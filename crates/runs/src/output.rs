@@ -48,8 +48,8 @@ pub fn one_line(error: &anyhow::Error) -> String {
     flatten(&line)
 }
 
-/// Joins the lines of a message; source excerpts of a TOML error (`3 | key = …`, `  | ^^^`) are left
-/// out.
+/// Joins the lines of a message; source excerpts of a TOML error (`3 | key = …`, `  | ^^^`) are
+/// left out.
 pub fn flatten(message: &str) -> String {
     let kept: Vec<&str> =
         message.lines().map(str::trim).filter(|line| !line.is_empty() && !is_excerpt(line)).collect();
