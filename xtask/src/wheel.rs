@@ -12,6 +12,7 @@ use anyhow::{Context as _, Result, ensure};
 use clap::Args;
 
 use crate::python::{environment, in_environment, pip, run_in};
+use jostle_runs::folder::sorted;
 use jostle_runs::output;
 use jostle_runs::provenance::workspace;
 use jostle_runs::tools::target_folder;
@@ -79,9 +80,7 @@ pub(crate) fn build(out: &Path) -> Result<PathBuf> {
 
 /// The wheels of a folder.
 fn wheels(folder: &Path) -> Result<Vec<PathBuf>> {
-    let entries = std::fs::read_dir(folder).with_context(|| format!("cannot read {}", folder.display()))?;
-    let paths = entries.map(|entry| entry.map(|entry| entry.path())).collect::<Result<Vec<_>, _>>()?;
-    Ok(paths.into_iter().filter(|path| path.extension().is_some_and(|end| end == "whl")).collect())
+    Ok(sorted(folder)?.into_iter().filter(|path| path.extension().is_some_and(|end| end == "whl")).collect())
 }
 
 /// Asks auditwheel, which reads the binary itself, what the wheel needs; its name is no witness.

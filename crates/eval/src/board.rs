@@ -27,7 +27,7 @@ use crate::error::EvalError;
 use crate::protocol::{Protocol, Subject};
 use crate::records::EpisodeRecord;
 use crate::report::SuiteScore;
-use crate::statistics::{Interval, Z_95, wilson};
+use crate::statistics::{Interval, half_width_of_mean, wilson};
 use crate::suite::Suite;
 
 /// The format's name in an entry's file.
@@ -348,12 +348,9 @@ impl BoardEntry {
     /// 95 % interval of the mean score: that of a mean of independent rates, by the normal
     /// distribution, with the variance of each from its Wilson interval.
     pub fn mean_interval(&self) -> Interval {
-        let variance = |cell: &BoardCell| {
-            let ends = wilson(cell.success, cell.episodes());
-            ends.map_or(0.0, |ends| ((ends.high - ends.low) / (2.0 * Z_95)).powi(2))
-        };
-        let n = self.cells.len().max(1) as f64;
-        let half = Z_95 * self.cells.iter().map(variance).sum::<f64>().sqrt() / n;
+        let certain = Interval { low: 0.0, high: 0.0 };
+        let of_cell = |cell: &BoardCell| wilson(cell.success, cell.episodes()).unwrap_or(certain);
+        let half = half_width_of_mean(&self.cells.iter().map(of_cell).collect::<Vec<_>>());
         Interval { low: (self.score.mean - half).max(0.0), high: (self.score.mean + half).min(1.0) }
     }
 

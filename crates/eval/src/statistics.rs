@@ -19,6 +19,7 @@ pub use contrast::{Contrast, Permutation};
 pub use mcnemar::{Mcnemar, PairedCounts};
 pub use newcombe::paired_difference;
 pub use tail::cvar;
+pub(crate) use wilson::half_width_of_mean;
 pub use wilson::{Interval, wilson};
 
 /// Two-sided 95 % point of the standard normal distribution: Φ(z) = 0.975, not the rounded 1.96.

@@ -46,9 +46,12 @@ impl Key {
 /// # Errors
 /// Types that give no schema of the form that is described here: a mistake in their attributes.
 pub fn schema() -> Result<Value> {
-    let mut schema = generated(SchemaSettings::draft2020_12());
-    simplify(&mut schema).context("the configuration's schema")?;
-    Ok(schema)
+    simplified(generated(SchemaSettings::draft2020_12()))
+}
+
+fn simplified(mut raw: Value) -> Result<Value> {
+    simplify(&mut raw).context("the configuration's schema")?;
+    Ok(raw)
 }
 
 fn generated(mut settings: SchemaSettings) -> Value {
@@ -65,7 +68,7 @@ pub fn keys() -> Result<Vec<Key>> {
     let raw = generated(SchemaSettings::draft2020_12());
     let stored = generated(SchemaSettings::draft2020_12().for_serialize());
     let mut keys = Vec::new();
-    list(&schema()?, &raw, &stored, "", &mut keys);
+    list(&simplified(raw.clone())?, &raw, &stored, "", &mut keys);
     Ok(keys)
 }
 

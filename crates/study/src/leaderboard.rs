@@ -25,6 +25,7 @@ use jostle_view::board;
 use crate::reproduce::plan::Plan;
 use crate::reproduce::policies::Policies;
 use crate::ship::manifest::{self, Manifest};
+use jostle_runs::folder;
 use jostle_runs::output::{self, PROGRAM_OF_CHECKOUT, note};
 use jostle_runs::policies;
 use jostle_runs::progress::Progress;
@@ -196,10 +197,8 @@ fn command(args: &LeaderboardArgs, path: &Path) -> String {
 
 /// The entries of a folder by the names of their files.
 fn stored(folder: &Path) -> Result<Vec<BoardEntry>> {
-    let listed = std::fs::read_dir(folder).with_context(|| format!("cannot list {}", folder.display()))?;
-    let mut files = listed.map(|entry| Ok(entry?.path())).collect::<Result<Vec<PathBuf>>>()?;
+    let mut files = folder::sorted(folder)?;
     files.retain(|path| path.extension().is_some_and(|extension| extension == "json"));
-    files.sort();
     let read = |path: &PathBuf| {
         let entry = BoardEntry::read(path)?;
         let found = path.file_stem().unwrap_or_default().to_string_lossy();

@@ -32,11 +32,10 @@ pub(super) fn store(plan: &Plan, folder: Option<&Path>) -> Result<String> {
          among the run's own kind, with its 95 % interval.\n",
         plan.window
     );
-    let comparison = table.comparison();
+    let at = table.compared_at();
+    let comparison = table.comparison(at);
     let compared = |page: String, shown: fn(&Grid) -> String| match &comparison {
-        Some(comparison) => {
-            [&page, "\n", &shown(comparison), "\n", &compared_note(table.compared_at())].concat()
-        }
+        Some(comparison) => [&page, "\n", &shown(comparison), "\n", &compared_note(at)].concat(),
         None => page,
     };
     let markdown = compared(format!("{}\n{note}", grid.markdown()), Grid::markdown);
@@ -273,9 +272,9 @@ impl<'p> Table<'p> {
         Some(grid)
     }
 
-    /// The variants compared; `None` where fewer than two have been tested.
-    fn comparison(&self) -> Option<Grid> {
-        let at = self.compared_at();
+    /// The variants compared after so many transitions, by default at the end of training; `None`
+    /// where fewer than two have been tested.
+    fn comparison(&self, at: Option<u64>) -> Option<Grid> {
         let all: Vec<(&str, Vec<f64>)> =
             self.variants().into_iter().map(|name| (name, self.averages(name, at))).collect();
         if all.iter().filter(|(_, averages)| !averages.is_empty()).count() < 2 {

@@ -9,7 +9,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::grid::{Grid, csv_line, number};
-use crate::statistics::{Contrast, Interval, student, wilson};
+use crate::statistics::{Contrast, Interval, half_width_of_mean, student, wilson};
 use jostle_arena::identity::PolicyIdentity;
 
 /// A cell of one training seed.
@@ -102,12 +102,9 @@ impl PooledCell {
                 cells.iter().map(|cell| cell.seeds.get(i)).collect::<Option<_>>()?;
             let values: Option<Vec<f64>> = of_seed.iter().map(|seed| seed.value).collect();
             let value = values?.iter().sum::<f64>() / n;
-            let variance = |seed: &&SeedValue| {
-                seed.interval.map(|ends| ((ends.high - ends.low) / (2.0 * crate::statistics::Z_95)).powi(2))
-            };
-            let variances: Option<Vec<f64>> = of_seed.iter().map(variance).collect();
-            let interval = variances.map(|variances| {
-                let half = crate::statistics::Z_95 * variances.iter().sum::<f64>().sqrt() / n;
+            let intervals: Option<Vec<Interval>> = of_seed.iter().map(|seed| seed.interval).collect();
+            let interval = intervals.map(|intervals| {
+                let half = half_width_of_mean(&intervals);
                 Interval { low: value - half, high: value + half }
             });
             let episodes = of_seed.iter().map(|seed| seed.episodes).sum();

@@ -13,6 +13,14 @@ pub struct Interval {
     pub high: f64,
 }
 
+/// Half the width of the 95 % interval of a mean of independent values, by the normal distribution,
+/// with the variance of each from its own interval.
+pub(crate) fn half_width_of_mean(intervals: &[Interval]) -> f64 {
+    let variance = |ends: &Interval| ((ends.high - ends.low) / (2.0 * Z_95)).powi(2);
+    let n = intervals.len().max(1) as f64;
+    Z_95 * intervals.iter().map(variance).sum::<f64>().sqrt() / n
+}
+
 /// The 95 % Wilson interval of `successes` out of `episodes`, without continuity correction; `None`
 /// for no episode.
 ///

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
-use anyhow::{Context as _, Result};
+use anyhow::Result;
 use jostle_arena::identity::short;
 use jostle_arena::{Outcome, Planner};
 use jostle_eval::compact::{CompactCell, CompactEpisode};
@@ -18,6 +18,7 @@ use jostle_eval::statistics::wilson;
 use jostle_peds::CrowdKind;
 use jostle_ppo::Config;
 use jostle_ppo::config::NetworkInputs;
+use jostle_runs::folder::sorted;
 
 use super::plan::{POOL, STRONG};
 use crate::ship::manifest::{Manifest, PolicyEntry, RunEntry};
@@ -328,10 +329,7 @@ fn read_results(manifest: &Manifest, folder: &Path) -> Result<Results> {
     if !folder.is_dir() {
         return Ok(Results::new());
     }
-    let entries = std::fs::read_dir(folder).with_context(|| format!("cannot list {}", folder.display()))?;
-    let mut paths = entries.map(|entry| entry.map(|entry| entry.path())).collect::<Result<Vec<_>, _>>()?;
-    paths.sort();
-    for path in paths.iter().filter(|path| path.extension().is_some_and(|end| end == "txt")) {
+    for path in sorted(folder)?.iter().filter(|path| path.extension().is_some_and(|end| end == "txt")) {
         let cell = CompactCell::read(path)?;
         let key = &cell.head.key;
         let shipped = |sha256: &String| manifest.policies.iter().any(|policy| policy.sha256 == *sha256);

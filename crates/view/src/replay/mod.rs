@@ -191,17 +191,16 @@ fn export(
     drivers: &[Driver],
     protocol: &Protocol,
 ) -> Result<Vec<PathBuf>> {
-    let config = protocol.config();
-    let site = site(config)?;
+    let (config, site) = (protocol.config(), &recorded.site);
     let mut written = Vec::new();
     if let Some(file) = &args.gif {
         let first = recorded.runs(drivers).next().context("--gif: no episode was found to be drawn")?;
-        gif::write(file, &first, config, &site)?;
+        gif::write(file, &first, config, site)?;
         written.push(file.clone());
     }
     if let Some(file) = &args.mcap {
         let all: Vec<_> = recorded.runs(drivers).flatten().collect();
-        mcap::write(file, &all, config, &site)?;
+        mcap::write(file, &all, config, site)?;
         written.push(file.clone());
     }
     Ok(written)
@@ -253,6 +252,8 @@ pub struct Recorded {
     pub page: Page,
     /// By crowd, then by driver; each driver has the same episodes.
     pub traces: Vec<Vec<Vec<EpisodeTrace>>>,
+    /// Walls, then obstacles, as polygons.
+    pub site: Vec<Vec<Vec2>>,
 }
 
 impl Recorded {
@@ -302,7 +303,7 @@ pub fn record(
         page.add(&columns);
         traces.push(columns);
     }
-    Ok(Recorded { page, traces })
+    Ok(Recorded { page, traces, site })
 }
 
 /// The first episodes that end as wished, or those that were picked.
