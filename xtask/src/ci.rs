@@ -19,7 +19,7 @@ use crate::{cluster, python, ros};
 use jostle_runs::output;
 use jostle_runs::progress::clock;
 use jostle_runs::provenance::workspace;
-use jostle_runs::tools::MDBOOK;
+use jostle_runs::tools::{self, MDBOOK};
 
 /// Arguments of `ci`.
 #[derive(Args)]
@@ -244,15 +244,19 @@ fn build_book(mdbook: &Path) -> Result<()> {
 /// The replay that the quick start shows: the first episode of each of the two crowds that need no
 /// policies, as the shipped policies of today drive it. It is simulated with the book, so that it
 /// is never older than they are.
+///
+/// cargo runs the demo: the tests before may have built this program anew, and then its own file
+/// is no longer there to be started.
 fn put_replay_into(book: &Path) -> Result<()> {
-    let this = std::env::current_exe().context("cannot name this program")?;
     let folder = book.join("replay");
-    let made = Command::new(this)
+    let made = Command::new(tools::cargo())
+        .args(["run", "--quiet", "--release", "--package", "xtask", "--"])
         .args(["demo", "--episodes", "1", "--no-open", "--out"])
         .arg(&folder)
+        .current_dir(workspace())
         .stdout(Stdio::null())
         .status()
-        .context("cannot start the demo")?;
+        .context("cannot start cargo for the demo")?;
     ensure!(made.success(), "the demo cannot make the book's replay");
     let page = folder.join("index.html");
     let bytes = std::fs::metadata(&page).with_context(|| format!("cannot read {}", page.display()))?.len();
@@ -277,8 +281,7 @@ fn check_feature_sets() -> Result<Verdict> {
 
 /// True if cargo succeeds in the workspace.
 fn cargo(step: &str, arguments: &[&str], environment: &[(&str, &str)]) -> Result<bool> {
-    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
-    let status = Command::new(cargo)
+    let status = Command::new(tools::cargo())
         .args(arguments)
         .envs(environment.iter().copied())
         .current_dir(workspace())

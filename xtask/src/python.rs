@@ -16,7 +16,7 @@ use anyhow::{Context as _, Result, bail, ensure};
 use crate::wheel;
 use jostle_runs::output;
 use jostle_runs::provenance::workspace;
-use jostle_runs::tools::target_folder;
+use jostle_runs::tools::{cargo, target_folder};
 
 /// Least version of Python, as in `pyproject.toml`.
 const LEAST: (u32, u32) = (3, 11);
@@ -44,10 +44,9 @@ pub(crate) const STEPS: [(&str, Work); 5] = [
 
 /// The lints of what is compiled for Python alone; needs no Python.
 fn clippy() -> Result<bool> {
-    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let arguments =
         ["clippy", "--release", "--package", "jostle-python", "--features", "extension", "--quiet"];
-    run(Command::new(cargo).args(arguments).args(["--", "-D", "warnings"]))
+    run(Command::new(cargo()).args(arguments).args(["--", "-D", "warnings"]))
 }
 
 /// Builds the wheel and installs it into an environment that has nothing else.

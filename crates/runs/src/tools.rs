@@ -1,6 +1,7 @@
 //! Programs that a command may want and the workspace does not: found on the path, or installed
 //! once with cargo.
 
+use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::Command;
 
@@ -45,8 +46,7 @@ impl Tool {
     fn install(&self, root: &std::path::Path) -> Result<()> {
         let Self { name, version } = self;
         note(&format!("installing {name} {version} into {} (once)", root.display()));
-        let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
-        let status = Command::new(cargo)
+        let status = Command::new(cargo())
             .args(["install", name, "--version", version, "--locked", "--quiet", "--root"])
             .arg(root)
             .status()
@@ -54,6 +54,11 @@ impl Tool {
         ensure!(status.success(), "cannot install {name} {version}: `cargo install {name}` tells why");
         Ok(())
     }
+}
+
+/// The cargo that runs this program, or else the one of `PATH`.
+pub fn cargo() -> OsString {
+    std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into())
 }
 
 /// The first of some programs that a folder of `PATH` holds.

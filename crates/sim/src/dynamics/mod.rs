@@ -54,6 +54,7 @@ impl DriveState {
 /// A body's base and its state.
 #[derive(Clone, Debug)]
 pub(crate) struct Drive {
+    #[cfg_attr(not(feature = "dynamics"), expect(dead_code, reason = "no build without rapier has a base"))]
     pub(crate) base: BaseConfig,
     pub(crate) state: DriveState,
 }
