@@ -14,7 +14,7 @@ use anyhow::{Context as _, Result};
 use crate::python::{Work, run_in, system_python};
 use jostle_runs::output;
 use jostle_runs::provenance::workspace;
-use jostle_runs::tools::{cargo, target_folder};
+use jostle_runs::tools::{self, target_folder};
 
 /// Packages that pip installs. The first four are unofficial builds of ROS 2 Kilted, good for
 /// tests.
@@ -42,7 +42,7 @@ pub(crate) const STEPS: [(&str, Work); 6] = [
 /// cargo in the workspace of the node. It shares this one's target folder, and so what both build
 /// of the same crates.
 fn cargo(arguments: &[&str]) -> Result<bool> {
-    let mut command = Command::new(cargo());
+    let mut command = Command::new(tools::cargo());
     command.args(arguments).env("CARGO_TARGET_DIR", target()?).env("RUSTDOCFLAGS", "-D warnings");
     run_in(&folder(), &mut command)
 }
@@ -69,14 +69,14 @@ fn drive() -> Result<bool> {
     });
     let mut command = if let Some(option) = isolated {
         let mut command = Command::new("unshare");
-        command.args([option, "sh", "-c", &format!("{LOOPBACK} && exec \"$@\""), "sh"]).arg(cargo());
+        command.args([option, "sh", "-c", &format!("{LOOPBACK} && exec \"$@\""), "sh"]).arg(tools::cargo());
         command.env("JOSTLE_ROS_ISOLATED", "1");
         command
     } else {
         output::note(
             "ci: skip: whether traffic stays on the loopback: no network of its own can be made here",
         );
-        Command::new(cargo())
+        Command::new(tools::cargo())
     };
     command.args(tests).env("CARGO_TARGET_DIR", target()?).env("JOSTLE_ROS_OUT", &out);
     command.env("JOSTLE_ROS_PYTHON", std::path::absolute(environment().join("bin/python"))?);

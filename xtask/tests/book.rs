@@ -47,6 +47,23 @@ fn every_link_leads_somewhere() {
 }
 
 #[test]
+fn every_source_file_that_is_named_is_there() {
+    let mut missing = Vec::new();
+    let mut n_named = 0;
+    for page in pages().iter().filter(|page| !page.ends_with("CHANGELOG.md")) {
+        for (line, name) in named_sources(&text(page)) {
+            n_named += 1;
+            let bases = [workspace(), workspace().join("crates"), page.parent().unwrap().to_owned()];
+            if !bases.iter().any(|base| base.join(&name).is_file()) {
+                missing.push(format!("{}:{line}: {name}", page.display()));
+            }
+        }
+    }
+    assert!(missing.is_empty(), "{}", missing.join("\n"));
+    assert!(n_named > 50, "only {n_named} names were found");
+}
+
+#[test]
 fn every_block_says_its_language_and_toml_is_what_it_claims() {
     let mut n_configurations = 0;
     for page in pages() {
@@ -152,6 +169,21 @@ fn links(text: &str) -> Vec<(usize, String)> {
             found.push((number, target.to_owned()));
             rest = after;
         }
+    }
+    found
+}
+
+/// Paths of source files between backticks, with their lines. A name without a folder is somebody's
+/// shorthand and left out.
+fn named_sources(text: &str) -> Vec<(usize, String)> {
+    let is_source = |name: &str| {
+        let suffix = Path::new(name).extension().and_then(|suffix| suffix.to_str());
+        name.contains('/') && !name.contains([' ', '*']) && matches!(suffix, Some("rs" | "py" | "js" | "css"))
+    };
+    let mut found = Vec::new();
+    for (number, line) in outside_blocks(text) {
+        let code = line.split('`').skip(1).step_by(2).filter(|name| is_source(name));
+        found.extend(code.map(|name| (number, name.to_owned())));
     }
     found
 }

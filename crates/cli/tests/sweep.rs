@@ -114,6 +114,56 @@ fn a_sweep_trains_tests_and_collects_and_a_second_call_does_nothing() {
 }
 
 #[test]
+fn a_folder_of_results_keeps_what_it_holds_of_runs_that_are_elsewhere() {
+    let folder = tempfile::tempdir().unwrap();
+    let tests = "[evaluate]\ncrowds = [\"VO\"]\nepisodes = 2\nagents = 3\nmilestones = true\n";
+    let plan = plan(folder.path(), "milestones = [40]", tests);
+    let (out, kept) = (folder.path().join("runs"), folder.path().join("kept"));
+    let table = || fs::read_to_string(kept.join("results.csv")).unwrap();
+    let rows = || -> Vec<String> { table().lines().skip(1).map(str::to_owned).collect() };
+    let collect = ["sweep", "collect", text(&plan), "--store", text(&kept)];
+    accepted(&["sweep", "task", text(&plan), "m1-seed1"]);
+    accepted(&collect);
+    let before = rows();
+    assert_eq!(before.len(), 2 + 3, "two policies of one run, three runs that have not begun");
+    // Another machine trains another run.
+    fs::rename(out.join("m1-seed1"), folder.path().join("away")).unwrap();
+    accepted(&["sweep", "task", text(&plan), "m2-seed1"]);
+    accepted(&collect);
+    let after = rows();
+    assert_eq!(after.len(), 2 + 2 + 2, "{after:?}");
+    for (row, then) in after.iter().zip(&before[..2]) {
+        assert_eq!(row, &then.replace(",done,", ",stored,"));
+    }
+    let m2 = after.iter().filter(|row| row.starts_with("m2-seed1,m2,1,") && row.contains(",done,"));
+    assert_eq!(m2.count(), 2, "{after:?}");
+    let summary = fs::read_to_string(kept.join("summary.md")).unwrap();
+    assert!(summary.contains("| m1 | 1 | ") && summary.contains("| m2 | 1 | "), "{summary}");
+    // The run comes back.
+    fs::rename(folder.path().join("away"), out.join("m1-seed1")).unwrap();
+    accepted(&collect);
+    assert_eq!(rows()[..2], before[..2]);
+    // What does not belong together is refused, and the folder stays as it is.
+    let written = table();
+    let source = fs::read_to_string(&plan).unwrap();
+    let changed = |from: &str, to: &str| {
+        assert!(source.contains(from), "{from}");
+        fs::write(&plan, source.replace(from, to)).unwrap();
+    };
+    changed("episodes = 2", "episodes = 3");
+    refused(&collect, &["asked.txt: found ", "episodes=2", "expected ", "episodes=3"]);
+    changed("seeds = [1, 2]", "seeds = [3]");
+    refused(&collect, &["results.csv: line 2", "found run \"m1-seed1\"", "expected a run of the plan"]);
+    changed("n_behaviours=1", "n_behaviours=3");
+    refused(&collect, &["results.csv: line 2", "config: found ", "expected "]);
+    fs::write(&plan, &source).unwrap();
+    assert_eq!(table(), written);
+    fs::write(kept.join("results.csv"), written.replacen(",done,2,", ",done,two,", 1)).unwrap();
+    refused(&collect, &["results.csv: line 2", "updates: found \"two\", expected a number"]);
+    assert_eq!(table().matches(",two,").count(), 1, "nothing was overwritten");
+}
+
+#[test]
 fn unfinished_runs_are_tested_and_compared_where_all_have_come() {
     let folder = tempfile::tempdir().unwrap();
     let tests = "[evaluate]\ncrowds = [\"VO\"]\nepisodes = 2\nagents = 3\nmilestones = true\n";

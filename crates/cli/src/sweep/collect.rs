@@ -7,13 +7,14 @@ use std::path::Path;
 
 use anyhow::{Context as _, Result};
 use jostle_eval::report::grid::{Grid, csv_line};
-use jostle_eval::report::{CellResult, Evaluation};
 use jostle_eval::statistics::{Contrast, Permutation, wilson};
 use jostle_ppo::UpdateReport;
 use jostle_ppo::report::EpisodeCounts;
 
 use super::plan::Plan;
 use super::spec::Task;
+use super::stored::{self, Stored};
+use super::tally::Tests;
 use super::task::Stage;
 use jostle_runs::log::RunLog;
 use jostle_runs::run_folder::write_atomically;
@@ -21,9 +22,10 @@ use jostle_view::curves::{Axis, Curve, Panel, Panels};
 use jostle_view::draw;
 
 /// Writes table and figure into a folder, by default that of the runs, and returns the table for a
-/// terminal.
+/// terminal. Another folder keeps what it holds of runs that are not here.
 pub(super) fn store(plan: &Plan, folder: Option<&Path>) -> Result<String> {
-    let table = Table::new(plan)?;
+    let kept = folder.map_or_else(|| Ok(BTreeMap::new()), |folder| stored::read(folder, plan))?;
+    let table = Table::new(plan, kept)?;
     let folder = folder.unwrap_or(&plan.out);
     std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
     let grid = table.grid();
@@ -42,6 +44,9 @@ pub(super) fn store(plan: &Plan, folder: Option<&Path>) -> Result<String> {
     if let Some(summary) = table.summary() {
         let page = compared(format!("{}\n{AVERAGED}", summary.markdown()), Grid::markdown);
         write_atomically(&folder.join("summary.md"), &page)?;
+    }
+    if let Some(evaluation) = &plan.evaluation {
+        write_atomically(&folder.join(stored::ASKED), &evaluation.asked())?;
     }
     write_atomically(&folder.join("results.csv"), &table.csv())?;
     write_atomically(&folder.join("results.md"), &markdown)?;
@@ -74,7 +79,8 @@ fn compared_note(at: Option<u64>) -> String {
 /// A policy of a run, or where it stands now.
 struct Point<'p> {
     task: &'p Task,
-    stage: Stage,
+    /// The run's stage in a word.
+    state: &'static str,
     /// Updates and transitions that it has seen.
     updates: u64,
     transitions: u64,
@@ -83,13 +89,14 @@ struct Point<'p> {
     measures: Option<[f64; MEASURES.len()]>,
     /// Seconds of training so far.
     seconds: f64,
-    evaluation: Option<Evaluation>,
+    /// `None` where it was not tested.
+    tests: Option<Tests>,
 }
 
-type Measure = (&'static str, usize, fn(&UpdateReport) -> f64);
+pub(super) type Measure = (&'static str, usize, fn(&UpdateReport) -> f64);
 
 /// Name, digits, measure of an update.
-const MEASURES: [Measure; 5] = [
+pub(super) const MEASURES: [Measure; 5] = [
     ("D", 3, |r| r.diversity),
     ("sigma_v", 2, |r| f64::from(r.log_std[0]).exp()),
     ("sigma_w", 2, |r| f64::from(r.log_std[1]).exp()),
@@ -103,30 +110,35 @@ const LEVEL: f64 = 0.95;
 struct Table<'p> {
     points: Vec<Point<'p>>,
     /// Planners that were not learned, in the same episodes.
-    planners: Vec<(String, Evaluation)>,
+    planners: Vec<(String, Tests)>,
     /// All crowds that anything was tested among, in the order in which they were met.
     crowds: Vec<String>,
 }
 
-/// The state of a planner in the table.
-const NOT_LEARNED: &str = "not learned";
+/// The variant of a planner in the table.
+pub(super) const NOT_LEARNED: &str = "not learned";
+/// The state of a run that only the folder of results knows.
+const STORED: &str = "stored";
 
 impl<'p> Table<'p> {
-    fn new(plan: &'p Plan) -> Result<Self> {
+    /// What the runs' folders hold, and what is kept of them from elsewhere.
+    fn new(plan: &'p Plan, mut kept: BTreeMap<String, Vec<Stored>>) -> Result<Self> {
         let mut points = Vec::new();
         for task in &plan.tasks {
-            points_of(plan, task, &mut points)?;
+            let found = points_of(plan, task)?;
+            points.extend(with_kept(task, found, kept.remove(&task.name).unwrap_or_default()));
         }
-        let planners = match &plan.evaluation {
+        let tested = match &plan.evaluation {
             Some(evaluation) => evaluation.planners(&plan.out)?,
             None => Vec::new(),
         };
+        let planners: Vec<(String, Tests)> =
+            tested.iter().map(|(name, tested)| (name.clone(), Tests::from_evaluation(tested))).collect();
         let mut crowds: Vec<String> = Vec::new();
-        let evaluations = points.iter().filter_map(|point| point.evaluation.as_ref());
-        for cell in evaluations.chain(planners.iter().map(|(_, tested)| tested)).flat_map(|e| &e.cells) {
-            let name = cell.crowd.to_string();
-            if !crowds.contains(&name) {
-                crowds.push(name);
+        let tests = points.iter().filter_map(|point| point.tests.as_ref());
+        for (name, _) in tests.chain(planners.iter().map(|(_, tests)| tests)).flat_map(|tests| &tests.0) {
+            if !crowds.contains(name) {
+                crowds.push(name.clone());
             }
         }
         Ok(Self { points, planners, crowds })
@@ -145,7 +157,7 @@ impl<'p> Table<'p> {
                 |count: u64| point.episodes_share(count).map_or_else(dash, |share| format!("{share:.2}"));
             let mut row = vec![
                 point.task.name.clone(),
-                point.stage.word().to_owned(),
+                point.state.to_owned(),
                 point.updates.to_string(),
                 format!("{:.2} M", point.transitions as f64 / 1e6),
                 point.success(),
@@ -155,7 +167,7 @@ impl<'p> Table<'p> {
                 row.push(point.measures.map_or_else(dash, |of| format!("{:.digits$}", of[index])));
             }
             row.push(format!("{:.2}", point.seconds / 3600.0));
-            row.extend(self.rates(point.evaluation.as_ref()));
+            row.extend(self.rates(point.tests.as_ref()));
             grid.push(last.is_some_and(|name| name != &point.task.variant), row);
             last = Some(&point.task.variant);
         }
@@ -169,7 +181,7 @@ impl<'p> Table<'p> {
     }
 
     /// Success among each crowd and, with more than one, their average.
-    fn rates(&self, tested: Option<&Evaluation>) -> Vec<String> {
+    fn rates(&self, tested: Option<&Tests>) -> Vec<String> {
         let rates: Vec<Option<f64>> = self.crowds.iter().map(|crowd| rate(tested, crowd)).collect();
         let average = (self.crowds.len() > 1).then(|| self.average(tested));
         let shown = |rate: Option<f64>| rate.map_or_else(dash, |rate| format!("{rate:.3}"));
@@ -177,7 +189,7 @@ impl<'p> Table<'p> {
     }
 
     /// Mean success over all crowds; `None` where one was not tested.
-    fn average(&self, tested: Option<&Evaluation>) -> Option<f64> {
+    fn average(&self, tested: Option<&Tests>) -> Option<f64> {
         let rates: Option<Vec<f64>> = self.crowds.iter().map(|crowd| rate(tested, crowd)).collect();
         rates.filter(|rates| !rates.is_empty()).map(|rates| rates.iter().sum::<f64>() / rates.len() as f64)
     }
@@ -195,7 +207,7 @@ impl<'p> Table<'p> {
     /// training.
     fn compared_at(&self) -> Option<u64> {
         let tested = |variant: &str| {
-            let of_variant = |point: &&Point<'_>| point.task.variant == variant && point.evaluation.is_some();
+            let of_variant = |point: &&Point<'_>| point.task.variant == variant && point.tests.is_some();
             let points: Vec<&Point<'_>> = self.points.iter().filter(of_variant).collect();
             points
         };
@@ -217,11 +229,7 @@ impl<'p> Table<'p> {
             let there = at.map_or(point.updates == point.task.config.updates, |at| point.transitions == at);
             point.task.variant == variant && there
         };
-        self.points
-            .iter()
-            .filter(chosen)
-            .filter_map(|point| self.average(point.evaluation.as_ref()))
-            .collect()
+        self.points.iter().filter(chosen).filter_map(|point| self.average(point.tests.as_ref())).collect()
     }
 
     /// Each variant after as many transitions, over its seeds, and the planners; `None` where
@@ -234,7 +242,7 @@ impl<'p> Table<'p> {
         let crowds = self.crowds.iter().map(String::as_str);
         let mut grid = Grid::new(heads.chain(crowds).chain(["average"]));
         for variant in self.variants() {
-            let tested = self.points.iter().filter(|p| p.task.variant == variant && p.evaluation.is_some());
+            let tested = self.points.iter().filter(|p| p.task.variant == variant && p.tests.is_some());
             let mut at: BTreeMap<u64, Vec<&Point<'_>>> = BTreeMap::new();
             tested.for_each(|point| at.entry(point.transitions).or_default().push(point));
             for (index, (transitions, points)) in at.into_iter().enumerate() {
@@ -250,9 +258,9 @@ impl<'p> Table<'p> {
                 row.push(mean(&|point| point.measures.filter(|_| several(point)).map(|of| of[0]), 2));
                 row.push(mean(&|point| point.measures.map(|of| of[1]), 2));
                 for crowd in &self.crowds {
-                    row.push(mean(&|point| rate(point.evaluation.as_ref(), crowd), 3));
+                    row.push(mean(&|point| rate(point.tests.as_ref(), crowd), 3));
                 }
-                let average = |point: &Point<'_>| self.average(point.evaluation.as_ref());
+                let average = |point: &Point<'_>| self.average(point.tests.as_ref());
                 let ends = ends(points.iter().filter_map(|point| average(point)));
                 row.push(format!("**{}** ({:.3}–{:.3})", mean(&average, 3), ends.0, ends.1));
                 grid.push(index == 0, row);
@@ -321,12 +329,12 @@ impl<'p> Table<'p> {
         for crowd in &self.crowds {
             let levels = self.planners.iter().filter_map(|(_, tested)| rate(Some(tested), crowd)).collect();
             panels.push(panel(format!("Success among {crowd}"), None, levels, &|point| {
-                rate(point.evaluation.as_ref(), crowd)
+                rate(point.tests.as_ref(), crowd)
             }));
         }
         if self.crowds.len() > 1 {
             let levels = self.planners.iter().filter_map(|(_, tested)| self.average(Some(tested))).collect();
-            let average = |point: &Point<'_>| self.average(point.evaluation.as_ref());
+            let average = |point: &Point<'_>| self.average(point.tests.as_ref());
             panels.push(panel("Success, average over the crowds".to_owned(), None, levels, &average));
         }
         let own = |point: &Point<'_>| point.episodes_share(point.episodes.success);
@@ -380,7 +388,7 @@ impl<'p> Table<'p> {
         for point in &self.points {
             let Point { task, episodes: e, .. } = point;
             let mut row = vec![task.name.clone(), task.variant.clone(), task.config.seed.to_string()];
-            row.extend([task.config.hash(), point.stage.word().to_owned()]);
+            row.extend([task.config.hash(), point.state.to_owned()]);
             let counts = [point.updates, point.transitions, e.ended, e.success];
             row.extend(counts.map(|count| count.to_string()));
             row.extend([e.collision_wall, e.collision_agent, e.timeout].map(|count| count.to_string()));
@@ -388,9 +396,7 @@ impl<'p> Table<'p> {
             row.extend(measures.unwrap_or_default());
             row.push(point.seconds.to_string());
             for crowd in &self.crowds {
-                let summary = cell(point.evaluation.as_ref(), crowd).map(|cell| &cell.summary);
-                let counts = summary.map(|s| [s.episodes, s.success].map(|count| count.to_string()));
-                row.extend(counts.unwrap_or_default());
+                row.extend(counts_in(point.tests.as_ref(), crowd));
             }
             text += &csv_line(row);
         }
@@ -399,9 +405,7 @@ impl<'p> Table<'p> {
             let mut row = vec![name.clone(), NOT_LEARNED.to_owned()];
             row.resize(12 + n_measures, String::new());
             for crowd in &self.crowds {
-                let summary = cell(Some(tested), crowd).map(|cell| &cell.summary);
-                let counts = summary.map(|s| [s.episodes, s.success].map(|count| count.to_string()));
-                row.extend(counts.unwrap_or_default());
+                row.extend(counts_in(Some(tested), crowd));
             }
             text += &csv_line(row);
         }
@@ -409,12 +413,14 @@ impl<'p> Table<'p> {
     }
 }
 
-fn cell<'e>(tested: Option<&'e Evaluation>, crowd: &str) -> Option<&'e CellResult> {
-    tested?.cells.iter().find(|cell| cell.crowd.to_string() == crowd)
+/// Episodes and successes among a crowd; empty where there is no such test.
+fn counts_in(tested: Option<&Tests>, crowd: &str) -> [String; 2] {
+    let tally = tested.and_then(|tests| tests.among(crowd));
+    tally.map(|tally| [tally.episodes, tally.success].map(|count| count.to_string())).unwrap_or_default()
 }
 
-fn rate(tested: Option<&Evaluation>, crowd: &str) -> Option<f64> {
-    cell(tested, crowd)?.summary.success_rate
+fn rate(tested: Option<&Tests>, crowd: &str) -> Option<f64> {
+    tested?.rate(crowd)
 }
 
 /// The least and the greatest of some values: ∞ and −∞ where there is none.
@@ -453,21 +459,21 @@ impl Point<'_> {
     }
 }
 
-/// The points of a run: what was tested, each milestone that it has reached, and its newest update.
-fn points_of<'p>(plan: &Plan, task: &'p Task, points: &mut Vec<Point<'p>>) -> Result<()> {
-    let stage = Stage::read(plan, task)?;
+/// The points of a run by its folder: what was tested, each milestone that it has reached, and its
+/// newest update.
+fn points_of<'p>(plan: &Plan, task: &'p Task) -> Result<Vec<Point<'p>>> {
+    let state = Stage::read(plan, task)?.word();
     if !task.folder.join("config.toml").is_file() {
-        points.push(Point {
+        return Ok(vec![Point {
             task,
-            stage,
+            state,
             updates: 0,
             transitions: 0,
             episodes: EpisodeCounts::default(),
             measures: None,
             seconds: 0.0,
-            evaluation: None,
-        });
-        return Ok(());
+            tests: None,
+        }]);
     }
     let log = RunLog::read(&task.folder)?;
     let made = (log.reports.len() as u64).min(task.config.updates);
@@ -478,6 +484,7 @@ fn points_of<'p>(plan: &Plan, task: &'p Task, points: &mut Vec<Point<'p>>) -> Re
     updates.sort_unstable();
     updates.dedup();
     let tested = plan.evaluation.as_ref().map(|evaluation| (evaluation, evaluation.tested(task)));
+    let mut points = Vec::new();
     for updates in updates {
         let of_update = tested.iter().flat_map(|(evaluation, tested)| {
             tested.iter().filter(|tested| tested.updates == updates).map(|tested| evaluation.result(tested))
@@ -494,16 +501,44 @@ fn points_of<'p>(plan: &Plan, task: &'p Task, points: &mut Vec<Point<'p>>) -> Re
         *seconds = if *seconds > 0.0 { rollout as f64 / *seconds } else { 0.0 };
         points.push(Point {
             task,
-            stage,
+            state,
             updates,
             transitions: updates * rollout,
             episodes: log.episodes(end, plan.window),
             measures: (end > 0).then_some(measures),
             seconds: log.reports[..end].iter().map(|report| report.clock.total).sum(),
-            evaluation,
+            tests: evaluation.as_ref().map(Tests::from_evaluation),
         });
     }
-    Ok(())
+    Ok(points)
+}
+
+/// A run's points with those that only the folder of results knows, by their updates. What is here
+/// is preferred, but a test that is missing here is taken from there; and a point that was no more
+/// than where the run then stood goes when the run has come further.
+fn with_kept<'p>(task: &'p Task, mut points: Vec<Point<'p>>, kept: Vec<Stored>) -> Vec<Point<'p>> {
+    let made = points.iter().map(|point| point.updates).max().unwrap_or(0);
+    for row in kept {
+        if let Some(point) = points.iter_mut().find(|point| point.updates == row.updates) {
+            point.tests = point.tests.take().or(row.tests);
+        } else if row.tests.is_some() || row.updates > made {
+            points.push(Point {
+                task,
+                state: STORED,
+                updates: row.updates,
+                transitions: row.transitions,
+                episodes: row.episodes,
+                measures: row.measures,
+                seconds: row.seconds,
+                tests: row.tests,
+            });
+        }
+    }
+    if points.len() > 1 {
+        points.retain(|point| point.updates > 0);
+    }
+    points.sort_by_key(|point| point.updates);
+    points
 }
 
 fn dash() -> String {

@@ -174,7 +174,8 @@ impl EvaluationPlan {
         Ok(evaluation)
     }
 
-    fn asked(&self) -> String {
+    /// What the tests are asked for: the options of `evaluate`, a line each.
+    pub(super) fn asked(&self) -> String {
         self.words.join("\n") + "\n"
     }
 

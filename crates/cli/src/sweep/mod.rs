@@ -19,7 +19,7 @@
 //!
 //! Reading order: [`plan`] (the file; [`section`] reads it key by key), [`spec`] and [`task`] (one
 //! run), [`local`] (processes on this machine), [`slurm`] (jobs of a cluster), [`status`],
-//! [`collect`] (the table), [`evaluation`].
+//! [`collect`] (the table; [`stored`] is what an earlier one remembers), [`evaluation`].
 
 mod collect;
 mod evaluation;
@@ -30,6 +30,8 @@ mod slurm;
 pub(crate) mod slurm_options;
 mod spec;
 mod status;
+mod stored;
+mod tally;
 mod task;
 
 use std::num::NonZeroUsize;
@@ -84,7 +86,7 @@ enum Action {
         /// The plan.
         plan: PathBuf,
         /// Folder for results.csv, results.md, summary.md and results.svg (default: the plan's
-        /// `out`).
+        /// `out`). What it holds of runs that are not on this machine stays in the table.
         #[arg(long, value_name = "DIR")]
         store: Option<PathBuf>,
     },
