@@ -13,6 +13,7 @@ use anyhow::{Context as _, Result, bail};
 use jostle_ppo::report::EpisodeCounts;
 
 use super::collect::{MEASURES, NOT_LEARNED};
+use super::evaluation::EvaluationPlan;
 use super::plan::Plan;
 use super::spec::Task;
 use super::tally::{Tally, Tests};
@@ -43,7 +44,7 @@ pub(super) fn read(folder: &Path, plan: &Plan) -> Result<BTreeMap<String, Vec<St
     let path = folder.join("results.csv");
     let Some(text) = read_optional(&path)? else { return Ok(BTreeMap::new()) };
     let asked = read_optional(&folder.join(ASKED))?;
-    let expected = plan.evaluation.as_ref().map(|evaluation| evaluation.asked());
+    let expected = plan.evaluation.as_ref().map(EvaluationPlan::asked);
     if let (Some(asked), Some(expected)) = (&asked, &expected)
         && asked != expected
     {
