@@ -144,6 +144,7 @@ fn a_folder_of_results_keeps_what_it_holds_of_runs_that_are_elsewhere() {
     accepted(&collect);
     assert_eq!(rows()[..2], before[..2]);
     // What does not belong together is refused, and the folder stays as it is.
+    fs::rename(&out, folder.path().join("gone")).unwrap();
     let written = table();
     let source = fs::read_to_string(&plan).unwrap();
     let changed = |from: &str, to: &str| {
