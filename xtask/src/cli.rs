@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use anyhow::Result;
 use clap::{Parser, Subcommand};
 
-use crate::{bench, chaos, ci, fuzz, wheel};
+use crate::{chaos, ci, fuzz, wheel};
 
 #[derive(Parser)]
 #[command(
@@ -33,7 +33,7 @@ enum Command {
     /// Hand damaged files to every parser and look for panics, aborts and endless loops.
     Fuzz(fuzz::FuzzArgs),
     /// Measure: an update, the simulator, the evaluation, other software beside ours.
-    Bench(bench::BenchArgs),
+    Bench(jostle_bench::command::BenchArgs),
     /// Check everything: format, lints, documentation, tests, doctests.
     Ci(ci::CiArgs),
     /// Build the Python package as a wheel that pip installs without Rust.
@@ -48,7 +48,7 @@ impl Cli {
             Command::Conformance(args) => jostle_conformance::run(&args),
             Command::Chaos(args) => chaos::run(&args),
             Command::Fuzz(args) => fuzz::run(&args),
-            Command::Bench(args) => bench::run(&args),
+            Command::Bench(args) => jostle_bench::command::run(&args),
             Command::Ci(args) => ci::run(&args),
             Command::Wheel(args) => wheel::run(&args),
         }

@@ -2,12 +2,11 @@
 //! train | reproduce …`.
 //!
 //! Reading order: [`cli`] (what can be asked for), [`ci`] with [`python`], [`wheel`], [`cluster`]
-//! (what has to hold before a change is good), [`mod@bench`] (how fast it all is), [`chaos`] and
-//! [`fuzz`] (attempts to break what `docs/reliability.md` promises).
+//! (what has to hold before a change is good), [`chaos`] and [`fuzz`] (attempts to break what
+//! `docs/reliability.md` promises).
 
 #![forbid(unsafe_code)]
 
-mod bench;
 mod chaos;
 mod ci;
 mod cli;

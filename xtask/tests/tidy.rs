@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 const EXCUSE: &str = "tidy:";
 /// The crates of the commands: their errors are sentences for the user, and some of them measure
 /// time.
-const COMMANDS: [&str; 6] = ["cli", "conformance", "runs", "study", "view", "xtask"];
+const COMMANDS: [&str; 7] = ["bench", "cli", "conformance", "runs", "study", "view", "xtask"];
 
 #[test]
 fn every_file_opens_with_what_it_is() {

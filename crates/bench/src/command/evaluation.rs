@@ -2,10 +2,10 @@
 
 use std::fmt::Write as _;
 
+use crate::evaluation::Cells;
+use crate::rates::once;
 use anyhow::Result;
 use clap::Args;
-use jostle_bench::evaluation::Cells;
-use jostle_bench::rates::once;
 use jostle_eval::report::grid::Grid;
 use jostle_peds::CrowdKind;
 

@@ -5,8 +5,8 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
+use crate::{Round, median};
 use anyhow::{Context as _, Result};
-use jostle_bench::{Round, median};
 use jostle_eval::report::grid::Grid;
 use serde_json::json;
 
@@ -132,7 +132,7 @@ pub(super) fn write_rounds(all: &[Measured], path: &Path) -> Result<()> {
 
 #[cfg(test)]
 mod tests {
-    use jostle_bench::PeerWork;
+    use crate::PeerWork;
 
     use super::*;
 

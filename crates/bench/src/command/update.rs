@@ -3,11 +3,11 @@
 
 use std::fmt::Write as _;
 
+use crate::learners::{EPOCHS, EpochSeconds, WorkU};
+use crate::products::Fc1;
+use crate::{Stopwatch, median, rates};
 use anyhow::Result;
 use clap::Args;
-use jostle_bench::learners::{EPOCHS, EpochSeconds, WorkU};
-use jostle_bench::products::Fc1;
-use jostle_bench::{Stopwatch, median, rates};
 use jostle_eval::report::grid::Grid;
 use jostle_ppo::{Clock, Config, Trainer};
 

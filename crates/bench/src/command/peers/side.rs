@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::time::Instant;
 
+use crate::Round;
 use anyhow::{Context as _, Result, bail};
-use jostle_bench::Round;
 use serde::Deserialize;
 
 use super::contest::Contest;

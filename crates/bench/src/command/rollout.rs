@@ -2,10 +2,10 @@
 
 use std::fmt::Write as _;
 
+use crate::rollouts::{Acting, Order};
+use crate::{Round, median};
 use anyhow::{Context as _, Result, bail};
 use clap::Args;
-use jostle_bench::rollouts::{Acting, Order};
-use jostle_bench::{Round, median};
 use jostle_eval::report::grid::Grid;
 
 use super::machine::Conditions;

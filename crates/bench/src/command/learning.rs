@@ -5,9 +5,9 @@ use std::collections::VecDeque;
 use std::fmt::Write as _;
 use std::time::Instant;
 
+use crate::median;
 use anyhow::{Context as _, Result, ensure};
 use clap::Args;
-use jostle_bench::median;
 use jostle_eval::report::grid::Grid;
 use jostle_ppo::{Config, Trainer, UpdateReport};
 

@@ -23,7 +23,7 @@ use rayon::ThreadPool;
 /// Arguments of `bench`.
 #[derive(Args)]
 #[command(after_help = "Example:\n  cargo xtask bench peers --rvo2 ../RVO2 --only update,forward-5")]
-pub(crate) struct BenchArgs {
+pub struct BenchArgs {
     #[command(subcommand)]
     what: What,
 }
@@ -48,7 +48,7 @@ enum What {
 }
 
 /// Measures as the arguments say; Markdown on standard output.
-pub(crate) fn run(args: &BenchArgs) -> Result<ExitCode> {
+pub fn run(args: &BenchArgs) -> Result<ExitCode> {
     match &args.what {
         What::Update(args) => update::run(args),
         What::Simulator(args) => simulator::run(args),

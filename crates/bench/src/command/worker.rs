@@ -2,9 +2,9 @@
 
 use std::io::BufRead as _;
 
+use crate::PeerWork;
 use anyhow::{Context as _, Result};
 use clap::Args;
-use jostle_bench::PeerWork;
 use serde_json::json;
 
 use jostle_runs::output;

@@ -1,8 +1,8 @@
 //! The contests: workload, contestants, number of threads, and the ratio asked for.
 
+use crate::PeerWork;
+use crate::large_updates::Shape;
 use anyhow::{Result, bail};
-use jostle_bench::PeerWork;
-use jostle_bench::large_updates::Shape;
 
 /// Other software.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]

@@ -2,10 +2,10 @@
 
 use std::fmt::Write as _;
 
+use crate::scenes::{SCENES, Stepping};
+use crate::{Round, median};
 use anyhow::Result;
 use clap::Args;
-use jostle_bench::scenes::{SCENES, Stepping};
-use jostle_bench::{Round, median};
 use jostle_eval::report::grid::Grid;
 
 use super::machine::Conditions;
