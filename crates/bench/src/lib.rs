@@ -1,12 +1,12 @@
-//! Speed: the workloads that the criterion benches and `cargo xtask bench` time, so that both time the
-//! same, and that command.
+//! Speed: the workloads that the criterion benches and `cargo xtask bench` time, so that both time
+//! the same, and that command.
 //!
 //! Reading order: [`clock`] (how seconds are taken), the workloads [`learners`] ("work U"),
 //! [`large_updates`], [`scenes`] (the simulator), [`rollouts`] (simulator and actor together),
 //! [`crowds`] (ORCA, social force), [`evaluation`] and [`planners`]; [`products`] (the largest
 //! layer by itself), [`rates`] (what the machine can do); [`peer_work`] (the workloads that other
-//! software does, too). The other software's drivers stand in `peers/`. [`command`] measures them and
-//! prints the tables of `docs/performance.md`.
+//! software does, too). The other software's drivers are in `peers/`. [`command`] measures them
+//! and prints the tables of `docs/performance.md`.
 //!
 //! Architecture invariant: nothing here is needed for a result; the clock is read here and nowhere
 //! below.

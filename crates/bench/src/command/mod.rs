@@ -1,8 +1,8 @@
 //! `cargo xtask bench`: what the figures of `docs/performance.md` are made by.
 //!
-//! Reading order: `machine` (under what conditions), `update`, `simulator`, `rollout`, `learning` and
-//! `evaluation` (ours alone), `peers` (ours and other software, taking turns), `worker` (our side of
-//! that).
+//! Reading order: `machine` (under what conditions), `update`, `simulator`, `rollout`, `learning`
+//! and `evaluation` (ours alone), `peers` (ours and other software, taking turns), `worker` (our
+//! side of that).
 
 mod evaluation;
 mod learning;
