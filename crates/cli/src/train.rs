@@ -72,6 +72,7 @@ pub struct TrainArgs {
 pub(crate) fn run(args: &TrainArgs) -> Result<ExitCode> {
     let mut config = Config::load(&jostle_runs::shipped::config(&args.config)?, &args.overrides)?;
     maps::tell(&config.sim.room)?;
+    maps::tell_all(&config.training_crowd.map_files())?;
     if let Some(threads) = args.threads {
         config.threads = threads;
     }

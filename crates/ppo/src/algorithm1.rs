@@ -76,6 +76,8 @@ pub struct Trainer {
     pub(crate) commit: String,
     /// SHA-256 of the map's content at the start, if there is a map.
     pub(crate) map_sha256: Option<String>,
+    /// SHA-256 of each of the training crowd's maps.
+    pub(crate) training_maps: Vec<String>,
     pub(crate) streams: Streams,
     pub(crate) rooms: Rooms,
     pub(crate) actor: Learner,
@@ -144,6 +146,8 @@ impl Trainer {
         config.validate()?;
         let map = config.sim.room.map_file();
         let map_sha256 = map.map(|map| jostle_sim::maps::sha256(&map)).transpose()?;
+        let maps = config.training_crowd.map_files();
+        let training_maps = maps.iter().map(|map| jostle_sim::maps::sha256(map)).collect::<Result<_, _>>()?;
         let streams = Streams::new(config.seed);
         let network = config.network_config(); // Alg. 1, line 2: M; α, γ, λ, ε stay in `config`
         let init = |name: &str| streams.stream(name, &[]);
@@ -182,6 +186,7 @@ impl Trainer {
             state_action: Vec::new(),
             commit: "unknown".to_owned(),
             map_sha256,
+            training_maps,
             update: 0,
             transitions: 0,
             config,

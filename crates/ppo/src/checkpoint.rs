@@ -38,6 +38,8 @@ const OPPONENTS: &str = "opponents";
 const STANDING: &str = "state.standing";
 /// Metadata: the hash of the map's content.
 const MAP: &str = "map_sha256";
+/// The hashes of the training crowd's maps, a JSON list.
+const TRAINING_MAPS: &str = "training_maps_sha256";
 
 impl Trainer {
     /// Writes the run to `path`. A file that was there is replaced whole or not at all, and kept as
@@ -130,6 +132,7 @@ impl Trainer {
             let found = format!("another content in {} ({found})", shown_map(&trainer.config));
             return Err(refuse(file.path(), MAP, found, format!("the map of the run ({expected})")));
         }
+        trainer.check_training_maps(file)?;
         let steps: BTreeMap<String, u64> = json(file, "state.adam_steps")?;
         for learner in trainer.learners() {
             learner.restore(file, &steps)?;
@@ -155,6 +158,30 @@ impl Trainer {
         Ok(trainer)
     }
 
+    /// Refuses to go on in other maps than those that the run began in.
+    fn check_training_maps(&self, file: &TensorFile) -> Result<(), PpoError> {
+        let Some(stored) = file.metadata().get(TRAINING_MAPS) else { return Ok(()) };
+        let expected: Vec<String> = serde_json::from_str(stored).map_err(|error| {
+            refuse(file.path(), TRAINING_MAPS, error.to_string(), "a list of hashes".to_owned())
+        })?;
+        if self.training_maps.len() != expected.len() {
+            let (found, expected) = (self.training_maps.len(), expected.len());
+            return Err(refuse(
+                file.path(),
+                TRAINING_MAPS,
+                format!("{found} maps"),
+                format!("{expected} of the run"),
+            ));
+        }
+        let maps = self.config.training_crowd.map_files();
+        let differs = (0..expected.len()).find(|i| self.training_maps[*i] != expected[*i]);
+        differs.map_or(Ok(()), |i| {
+            let found = format!("another content in {} ({})", maps[i].display(), self.training_maps[i]);
+            let expected = format!("the map of the run ({})", expected[i]);
+            Err(refuse(file.path(), TRAINING_MAPS, found, expected))
+        })
+    }
+
     /// The metadata of a file in `folder`.
     fn metadata(&self, folder: &Path) -> BTreeMap<String, String> {
         let config = self.config.as_named_in(folder);
@@ -168,6 +195,10 @@ impl Trainer {
         ];
         let mut metadata: BTreeMap<_, _> = fields.map(|(key, value)| (key.to_owned(), value)).into();
         metadata.extend(self.map_sha256.clone().map(|hash| (MAP.to_owned(), hash)));
+        if !self.training_maps.is_empty() {
+            let hashes = serde_json::to_string(&self.training_maps).expect("texts are always JSON");
+            metadata.insert(TRAINING_MAPS.to_owned(), hashes);
+        }
         self.provenance().write(&mut metadata);
         metadata.extend(self.opponents_json().map(|json| (OPPONENTS.to_owned(), json)));
         metadata

@@ -351,10 +351,11 @@ impl Config {
         }
     }
 
-    /// Says that a file in `folder` names the map and the population's files: relative paths start
+    /// Says that a file in `folder` names the maps and the population's files: relative paths start
     /// there.
     pub fn named_in(&mut self, folder: &Path) {
         self.sim.room.named_in(folder);
+        self.training_crowd.named_in(folder);
         self.population.named_in(folder);
     }
 
@@ -363,6 +364,7 @@ impl Config {
     /// lies where the folder says.
     pub fn stored_in(&mut self, folder: &Path) {
         self.sim.room.stored_in(folder);
+        self.training_crowd.named_in(folder);
         self.population.stored_in(folder);
     }
 
@@ -372,18 +374,20 @@ impl Config {
     pub fn as_named_in(&self, folder: &Path) -> Self {
         let mut config = self.clone();
         config.sim.room = self.sim.room.as_named_in(folder);
+        config.training_crowd = self.training_crowd.as_named_in(folder);
         config.population = self.population.as_named_in(folder);
         config
     }
 
     /// SHA-256 of [`Self::canonical_toml`] in hexadecimal: two runs of the same hash have the same
-    /// curve. Of the paths of a map and of the population's files only names count, since the
+    /// curve. Of the paths of maps and of the population's files only names count, since the
     /// folders are others on each machine; what is in the files is known by
     /// [`jostle_sim::maps::sha256`] and [`crate::OpponentRecord`], which a checkpoint holds beside
     /// this hash.
     pub fn hash(&self) -> String {
         let mut named = self.clone();
         named.population = self.population.by_name();
+        named.training_crowd = self.training_crowd.by_name();
         if let Some(map) = &mut named.sim.room.map {
             *map = map.file_name().map_or_else(|| map.clone(), Into::into);
         }
@@ -505,6 +509,12 @@ mod tests {
         assert_eq!(section, "blind = 0.5\nspeed_max = 1.5\n", "keys at their default are left out");
         let none: &[&str] = &[];
         assert_eq!(Config::parse(&text, "canonical", none).unwrap(), on);
+        let maps = |folder: &str| {
+            let maps = vec![format!("{folder}/a.toml").into()];
+            with(TrainingCrowd { maps, ..TrainingCrowd::default() }).hash()
+        };
+        assert_ne!(maps("x"), Config::default().hash());
+        assert_eq!(maps("x"), maps("/elsewhere"), "a map is known by its name and its content");
         let mut population = with(TrainingCrowd::default());
         population.population.past = 3;
         assert_eq!(population.hash(), Config::default().hash(), "nobody is an opponent");

@@ -127,6 +127,58 @@ fn a_training_crowd_keeps_the_promises() {
     assert_goes_on(&CROWD, &[1, 2, 8], 3, &reports, &whole, &half);
 }
 
+/// A room of 8 m with a pillar, as a map of the training crowd.
+const PILLAR: &str = "walls = { min = [-4.0, -4.0], max = [4.0, 4.0] }\n[[obstacle]]\ncircle = { centre = [0.0, 0.0], radius = 0.4 }\n";
+
+#[test]
+fn rooms_with_maps_keep_the_promises_and_refuse_other_maps() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let at = |name: &str| folder.path().join(name);
+    let (half, map) = (at("half.safetensors"), at("pillar.toml"));
+    std::fs::write(&map, PILLAR).expect("writable");
+    std::fs::write(at("empty.toml"), PILLAR.split("[[").next().expect("walls")).expect("writable");
+    let maps = format!("training_crowd.maps=[\"{}\", \"{}\"]", map.display(), at("empty.toml").display());
+    let settings = [maps.as_str(), "bootstrap_truncation=true"];
+    let mut whole = trainer(&settings);
+    let reports = run(&mut whole, 6);
+    assert_ne!(run(&mut trainer(&settings[1..]), 1), reports[..1], "the rooms are others");
+    let whole = saved(&mut whole, folder.path());
+    assert_goes_on(&settings, &[1, 2], 3, &reports, &whole, &half);
+    std::fs::write(&map, PILLAR.replace("0.4", "0.5")).expect("writable");
+    let error = Trainer::resume(&half).err().expect("another pillar").to_string();
+    let expected = format!("training_maps_sha256: found another content in {}", map.display());
+    assert!(error.contains(&expected) && error.lines().count() == 1, "{error}");
+}
+
+/// Tests run in the crate's folder, which holds none of the files.
+#[test]
+fn a_run_and_its_maps_go_on_from_wherever_they_are_moved_to_together() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (here, there) = (folder.path().join("here"), folder.path().join("there"));
+    for path in ["configs", "maps", "runs/a/checkpoints"] {
+        std::fs::create_dir_all(here.join(path)).expect("a folder");
+    }
+    std::fs::write(here.join("maps/pillar.toml"), PILLAR).expect("writable");
+    let config = format!("{}[training_crowd]\nmaps = [\"../maps/pillar.toml\"]\n", common::TINY);
+    std::fs::write(here.join("configs/a.toml"), config).expect("writable");
+    let load = |root: &Path| {
+        let none: &[&str] = &[];
+        jostle_ppo::Config::load(&root.join("configs/a.toml"), none).expect("a configuration")
+    };
+    let mut whole = Trainer::new(load(&here)).expect("a map");
+    let reports = run(&mut whole, 4);
+    let mut first = Trainer::new(load(&here)).expect("a map");
+    run(&mut first, 2);
+    first.save(&here.join("runs/a/checkpoints/2.safetensors")).expect("writable");
+    let hash = load(&here).hash();
+    std::fs::rename(&here, &there).expect("a move");
+    let half = there.join("runs/a/checkpoints/2.safetensors");
+    let mut by_file_alone = Trainer::resume(&half).expect("the map is found from the checkpoint");
+    assert_eq!(run(&mut by_file_alone, 2), reports[2..]);
+    let mut by_both = Trainer::resume_with(&half, load(&there)).expect("the same run");
+    assert_eq!((run(&mut by_both, 2), load(&there).hash()), (reports[2..].to_vec(), hash));
+}
+
 #[test]
 fn encoded_inputs_keep_the_promises() {
     let folder = tempfile::tempdir().expect("a temporary folder");

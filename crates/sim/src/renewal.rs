@@ -19,12 +19,13 @@ use crate::world::World;
 use glam::Vec2;
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+use std::sync::Arc;
 
 /// Places tried for one obstacle.
 const TRIES: u32 = 64;
 
-/// The common part of all rooms with a training crowd: the empty room, from which each is
-/// furnished.
+/// The common part of all rooms with the same walls: the empty room, from which each is furnished.
 pub(crate) struct Plan {
     pub(crate) scenario: Scenario,
     /// The configuration as far as starts and goals go: with the clearances that the largest member
@@ -36,13 +37,42 @@ pub(crate) struct Plan {
 }
 
 impl Plan {
+    /// The plans of rooms of so many agents: one for each map of the crowd, else that of the room.
+    ///
+    /// # Errors
+    ///
+    /// When a room has no place for them, or a map is none.
+    pub(crate) fn all(
+        config: &SimConfig,
+        crowd: &TrainingCrowd,
+        n_agents: usize,
+    ) -> Result<Vec<Arc<Self>>, SimError> {
+        if crowd.maps.is_empty() {
+            let plan = Self::new(maps::scenario(&config.room)?, config, crowd, n_agents)?;
+            return Ok(vec![Arc::new(plan)]);
+        }
+        let of_map = |map: PathBuf| {
+            let plan = Self::new(maps::load(&map)?, config, crowd, n_agents);
+            // Which of the maps it is has to be said.
+            plan.map(Arc::new).map_err(|error| match error.setting() {
+                Some((field, found, expected)) => SimError::file(&map, field, found, expected),
+                None => error,
+            })
+        };
+        crowd.map_files().into_iter().map(of_map).collect()
+    }
+
     /// The plan of rooms of so many agents.
     ///
     /// # Errors
     ///
     /// When the room has no place for them.
-    pub(crate) fn new(config: &SimConfig, crowd: &TrainingCrowd, n_agents: usize) -> Result<Self, SimError> {
-        let scenario = maps::scenario(&config.room)?;
+    fn new(
+        scenario: Scenario,
+        config: &SimConfig,
+        crowd: &TrainingCrowd,
+        n_agents: usize,
+    ) -> Result<Self, SimError> {
         let roomy = crowd.roomy(config);
         let spawner = Spawner::new(&roomy, &scenario.build()?)?;
         spawner.check_room(n_agents)?;

@@ -100,12 +100,18 @@ impl Rooms {
                 return Err(SimError::field(field, 0, "at least 1"));
             }
         }
-        let plan = Arc::new(Plan::new(config, crowd, n_agents)?);
+        if crowd.maps.len() > n_rooms {
+            let found = format!("{} maps", crowd.maps.len());
+            return Err(SimError::field("maps", found, format!("at most n_rooms = {n_rooms}")));
+        }
+        let plans = Plan::all(config, crowd, n_agents)?;
         let config = Arc::new(config.clone());
         let crowd = Arc::new(crowd.clone());
         let laser = Laser::new(&config.laser)?;
-        let room =
-            |r: usize| Room::new((&config, &crowd), &plan, &laser, n_agents, n_behaviours, streams, r as u64);
+        let room = |r: usize| {
+            let plan = &plans[r % plans.len()];
+            Room::new((&config, &crowd), plan, &laser, n_agents, n_behaviours, streams, r as u64)
+        };
         let rooms = (0..n_rooms).map(room).collect::<Result<Vec<_>, _>>()?;
         let n = n_rooms * n_agents;
         Ok(Self {

@@ -9,7 +9,7 @@
 //! without a learner.
 //!
 //! Changes for learners and members alike, in obstacles and the number of agents, are drawn for
-//! the room (`renewal`).
+//! the room (`renewal`). Rooms may also have maps of their own (`maps`).
 //!
 //! # Rules for members
 //!
@@ -27,12 +27,13 @@
 //!   on two legs can. If its body has no room to turn, it turns as it drives.
 
 use crate::config::check::within;
-use crate::config::{RobotConfig, SimConfig};
+use crate::config::{NamingFolder, RobotConfig, SimConfig};
 use crate::error::SimError;
 use crate::geometry::Pose;
 use glam::Vec2;
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
 
 /// The agents that share the training rooms with the learners; the `[training_crowd]` part of a
 /// training file.
@@ -118,6 +119,14 @@ pub struct TrainingCrowd {
     /// 10: a second.
     #[cfg_attr(feature = "schema", schemars(extend("minimum" = 1)))]
     pub stall_limit: u32,
+    /// Maps that are dealt to the training rooms in turn, in place of `sim.room`: at most as many
+    /// as there are rooms. Files as for `sim.room.map`, whose rules for relative paths hold here,
+    /// too. A test knows nothing of them. Default none.
+    pub maps: Vec<PathBuf>,
+    /// The folder that relative `maps` start from.
+    #[doc(hidden)]
+    #[serde(skip)]
+    pub folder: NamingFolder,
 }
 
 impl Default for TrainingCrowd {
@@ -145,14 +154,17 @@ impl Default for TrainingCrowd {
             agents_min: 0,
             renew_steps: 2000,
             stall_limit: 10,
+            maps: Vec::new(),
+            folder: NamingFolder::default(),
         }
     }
 }
 
 impl TrainingCrowd {
-    /// True if all agents are learners, always, in a room that stays as it is.
+    /// True if all agents are learners, always, in a room that stays as it is and is that of
+    /// `sim.room`.
     pub fn is_off(&self) -> bool {
-        !self.has_members() && !self.renews()
+        !self.has_members() && !self.renews() && self.maps.is_empty()
     }
 
     /// True if some agents are no learners.

@@ -51,6 +51,9 @@ impl Config {
         if !is_set("sim.room.map") {
             config.sim.room.named_in(folder);
         }
+        if !is_set("training_crowd.maps") {
+            config.training_crowd.named_in(folder);
+        }
         if !is_set("population.files") {
             config.population.named_in(folder);
         }

@@ -2,6 +2,7 @@
 //! the working directory of a command is.
 
 use super::RoomConfig;
+use crate::traits::TrainingCrowd;
 use std::path::{Component, Path, PathBuf};
 
 /// The folder that relative paths start from: that of the file that names them, or, by default, the
@@ -64,6 +65,37 @@ impl RoomConfig {
         room.named_in(folder);
         room.map = self.map.as_ref().map(|map| self.folder.rename(map, &room.folder));
         room
+    }
+}
+
+impl TrainingCrowd {
+    /// The maps' files, as the system finds them from the working directory.
+    pub fn map_files(&self) -> Vec<PathBuf> {
+        self.maps.iter().map(|map| self.folder.locate(map)).collect()
+    }
+
+    /// Says that a file in `folder` names the maps: relative paths start there.
+    pub fn named_in(&mut self, folder: &Path) {
+        if self.maps.iter().any(|map| map.is_relative()) {
+            self.folder = NamingFolder::new(folder);
+        }
+    }
+
+    /// The crowd as a file in `folder` names it: relative paths lead from there to the same maps.
+    #[must_use]
+    pub fn as_named_in(&self, folder: &Path) -> Self {
+        let mut crowd = self.clone();
+        crowd.named_in(folder);
+        crowd.maps = self.maps.iter().map(|map| self.folder.rename(map, &crowd.folder)).collect();
+        crowd
+    }
+
+    /// The crowd with the maps' names only, which are the same on every machine.
+    #[must_use]
+    pub fn by_name(&self) -> Self {
+        let name = |map: &PathBuf| map.file_name().map_or_else(|| map.clone(), PathBuf::from);
+        let maps = self.maps.iter().map(name).collect();
+        Self { maps, folder: NamingFolder::default(), ..self.clone() }
     }
 }
 
