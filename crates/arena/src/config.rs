@@ -16,8 +16,9 @@ use crate::scene::SceneConfig;
 pub const MAP_VERSION: u32 = 2;
 
 /// Part of the hashes of settings in which the robot has mass, to be raised whenever such an
-/// episode may end differently for the same settings.
-pub const DYNAMICS_VERSION: u32 = 1;
+/// episode may end differently for the same settings. 2: the robot observes the velocity that it
+/// has, not the one that it was told.
+pub const DYNAMICS_VERSION: u32 = 2;
 
 /// When a pedestrian counts as crashed and is re-spawned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -675,7 +675,9 @@ impl ArenaRoom {
         let row_len = plan.config.sim.observation_len();
         let row = &mut self.observations[body * row_len..(body + 1) * row_len];
         let goal = if body == ROBOT { self.goal } else { self.pedestrians[body - 1].goal };
+        // The robot's is what its odometry measures: of one that has mass, not what it was told.
         let velocity = match self.motions[body] {
+            _ if body == ROBOT => self.velocity,
             Motion::Drive { v, w } if self.stops[body].is_none() => [v, w],
             _ => [0.0; 2],
         };

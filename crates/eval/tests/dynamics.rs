@@ -2,6 +2,8 @@
 
 mod common;
 
+use std::sync::Mutex;
+
 use common::{pools, seek};
 use jostle_arena::{ArenaConfig, PerRow, PolicyIdentity};
 use jostle_eval::{CellRun, Protocol, Subject};
@@ -39,6 +41,30 @@ fn a_goal_seeker_with_mass_arrives_a_little_later() {
     }
     let hash = |config: &ArenaConfig| config.settings_hash(None);
     assert_ne!(hash(&with_mass()), hash(&ArenaConfig::default()));
+}
+
+#[test]
+fn a_robot_with_mass_observes_the_velocity_that_it_has() {
+    // Full speed ahead from rest, in an empty room. Wheels with μ = 0.5 give at most 4.9 m/s², so that
+    // a control period of 0.1 s, the first 0.02 s of it before the command is heeded, ends with at most
+    // 0.4 m/s.
+    let observed = |config: ArenaConfig| {
+        let speeds = Mutex::new(Vec::new());
+        let protocol = Protocol::new(ArenaConfig { n_agents: 1, ..config }, pools()).unwrap();
+        let identity = PolicyIdentity::custom("ahead", "1");
+        let subject = Subject { identity: &identity, token: 0 };
+        let mut ahead = PerRow::new(|row: &[f32]| {
+            speeds.lock().unwrap().push(row[row.len() - 2]);
+            [1.0, 0.0]
+        });
+        protocol.evaluate(&mut ahead, subject, CrowdKind::Sf, 1, None, |_| ()).unwrap();
+        speeds.into_inner().unwrap()
+    };
+    let (kinematic, mass) = (observed(ArenaConfig::default()), observed(with_mass()));
+    assert_eq!(kinematic[..3], [0.0, 1.0, 1.0]);
+    assert_eq!(mass[0], 0.0);
+    assert!((0.2..=0.4).contains(&mass[1]), "{:?}", &mass[..4]);
+    assert!(mass[1] < mass[2] && mass[2] < mass[3] && mass[10] > 0.9, "{:?}", &mass[..12]);
 }
 
 #[test]
