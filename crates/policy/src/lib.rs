@@ -3,8 +3,8 @@
 //! Reading order: [`observation`] (the input row), [`encoder`] (fixed maps before a network),
 //! [`config`] and [`layout`] (sizes, names, shapes), [`Parameters`], [`reference::model`] (the
 //! networks, layer by layer), [`Network`] (the interface of every back end), [`backend`] (the one
-//! place that chooses one, by an [`Engine`]), [`DiagonalGaussian`] (the distribution over actions), [`PolicyFile`] (a
-//! trained policy on disk).
+//! place that chooses one, by an [`Engine`]), [`DiagonalGaussian`] (the distribution over actions),
+//! [`PolicyFile`] (a trained policy on disk).
 
 #![forbid(unsafe_code)]
 

@@ -603,8 +603,8 @@ impl UpdateContext<'_> {
         outcome.map(|()| levels)
     }
 
-    /// One step of Adam down the gradient of a minibatch, which `backward` leaves in the learner for
-    /// one shard after the other.
+    /// One step of Adam down the gradient of a minibatch, which `backward` leaves in the learner
+    /// for one shard after the other.
     fn step(
         &self,
         learner: &mut Learner,

@@ -1,5 +1,4 @@
-//! One run on one, two and four ranks: the same bytes. The ranks are threads here; the same over MPI
-//! is `cargo xtask ci --mpi`.
+//! One run on one, two and four ranks: the same bytes. The ranks are threads here.
 
 mod common;
 
