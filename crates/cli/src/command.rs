@@ -9,6 +9,7 @@ use jostle_runs::stop;
 use jostle_study::{leaderboard, reproduce, ship, verify};
 use jostle_view::{demo, play, replay};
 
+use crate::crew::ToldByTheFirst;
 use crate::trainings::Here;
 use crate::{
     behaviours, compare, config, doctor, evaluate, export, list, milestones, plot, sweep, tensorboard, train,
@@ -59,6 +60,10 @@ pub enum Command {
     Export(export::ExportArgs),
     /// Write the logs of runs as event files for TensorBoard.
     Tensorboard(tensorboard::TensorboardArgs),
+    /// Time messages between two processes of an MPI job.
+    #[cfg(feature = "mpi")]
+    #[command(hide = true)]
+    Messages(crate::mpi::MessagesArgs),
 }
 
 impl Command {
@@ -87,6 +92,8 @@ impl Command {
             Self::Doctor(args) => doctor::run(&args),
             Self::Config(args) => config::run(&args),
             Self::Tensorboard(args) => tensorboard::run(&args),
+            #[cfg(feature = "mpi")]
+            Self::Messages(args) => crate::mpi::time_messages(&args),
         }
     }
 }
@@ -117,6 +124,10 @@ pub fn conclude(outcome: Result<ExitCode>) -> ExitCode {
         if let Some(stopped) = error.downcast_ref::<stop::Stopped>() {
             output::note(&stopped.to_string());
             return ExitCode::from(stop::STOPPED);
+        }
+        if error.is::<ToldByTheFirst>() {
+            // A status of its own would make `mpirun` end the process that tells.
+            return ExitCode::SUCCESS;
         }
         output::note(&format!("error: {}", output::one_line(&error)));
         ExitCode::FAILURE

@@ -3,7 +3,8 @@
 //! Results go to standard output; progress and messages to standard error. An error is one line and
 //! a non-zero exit.
 //!
-//! Reading order: [`Command`] (what can be asked for), `train` (a run and its folder), `evaluate`,
+//! Reading order: [`Command`] (what can be asked for), `train` (a run and its folder), with `crew`
+//! and `mpi` (a run in several processes), `evaluate`,
 //! `sweep` (many runs by one plan); what a person looks at: `plot` (curves, bars, tokens, ways),
 //! `list` (runs), `compare`, `milestones`, `behaviours`, `tensorboard` (logs of training),
 //! `config`, `doctor`. The other commands have crates of their own: `jostle-study` (`reproduce`,
@@ -15,12 +16,15 @@ mod behaviours;
 mod command;
 mod compare;
 mod config;
+mod crew;
 mod doctor;
 mod embedded;
 mod evaluate;
 mod export;
 mod list;
 mod milestones;
+#[cfg(feature = "mpi")]
+mod mpi;
 mod plot;
 mod suite;
 mod sweep;

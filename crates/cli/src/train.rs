@@ -7,10 +7,11 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, bail};
 use clap::Args;
-use jostle_policy::{PolicyFile, Precision};
+use jostle_policy::{Device, PolicyFile, Precision};
 use jostle_ppo::report::EpisodeCounts;
-use jostle_ppo::{Config, Trainer};
+use jostle_ppo::{Config, PpoError, Trainer, UpdateReport};
 
+use jostle_runs::folder::checkpoint_path;
 use jostle_runs::log::short;
 use jostle_runs::maps;
 use jostle_runs::ndjson::{Log, truncate_log};
@@ -19,6 +20,8 @@ use jostle_runs::progress::{Progress, clock};
 use jostle_runs::provenance;
 use jostle_runs::run_folder::RunFolder;
 use jostle_runs::stop::{self, Stopped};
+
+use crate::crew::Crew;
 
 /// A run keeps a checkpoint for each of this many equal parts: 31 MB each at the paper's sizes. The
 /// half serves crowd SO, the quarter a row of Table 1.
@@ -58,6 +61,10 @@ pub struct TrainArgs {
     /// it.
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
+    /// Device of the networks, such as `cuda:0`: the key `device`, and `backend=reference` for a
+    /// GPU. Each device has its own bits, and is another run.
+    #[arg(long, value_name = "DEVICE")]
+    device: Option<Device>,
     /// Minutes after which a checkpoint is written between those of `checkpoint_every`; it is
     /// removed when the run is finished. What a kill can cost. 0: none.
     #[arg(long, value_name = "M", default_value_t = CHECKPOINT_MINUTES)]
@@ -68,27 +75,47 @@ pub struct TrainArgs {
     milestones: Vec<u64>,
 }
 
-/// Trains as the arguments say.
+/// Trains as the arguments say, together with the other processes of an MPI job if this is one.
 pub(crate) fn run(args: &TrainArgs) -> Result<ExitCode> {
-    let mut config = Config::load(&jostle_runs::shipped::config(&args.config)?, &args.overrides)?;
-    maps::tell(&config.sim.room)?;
-    maps::tell_all(&config.training_crowd.map_files())?;
+    let crew = Crew::muster()?;
+    let outcome = run_in(&crew, args);
+    crew.report(outcome)
+}
+
+fn run_in(crew: &Crew, args: &TrainArgs) -> Result<ExitCode> {
+    let (config, care) = crew.agree(prepare(args))?;
+    crew.at_first(|| {
+        maps::tell(&config.sim.room)?;
+        maps::tell_all(&config.training_crowd.map_files())
+    })?;
+    let outcome = train(&config, &args.out, args.resume, "train", &care, crew)?;
+    if crew.is_first() {
+        output::result(&format!(
+            "{}: {} updates, {} transitions, config {}, seed {}, {}\n",
+            args.out.display(),
+            config.updates,
+            config.updates * config.rollout_len() as u64,
+            short(&config.hash()),
+            config.seed,
+            outcome.describe(),
+        ))?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn prepare(args: &TrainArgs) -> Result<(Config, Care)> {
+    let mut overrides = args.overrides.clone();
+    if let Some(device) = args.device {
+        // The back end first: each override must leave a configuration that can be.
+        let backend = (device != Device::Cpu).then(|| "backend=reference".to_owned());
+        overrides.extend(backend.into_iter().chain([format!("device={device}")]));
+    }
+    let mut config = Config::load(&jostle_runs::shipped::config(&args.config)?, &overrides)?;
     if let Some(threads) = args.threads {
         config.threads = threads;
     }
     stop::on_signals()?;
-    let care = Care::new(args.checkpoint_minutes, &args.milestones)?;
-    let outcome = train(&config, &args.out, args.resume, "train", &care)?;
-    output::result(&format!(
-        "{}: {} updates, {} transitions, config {}, seed {}, {}\n",
-        args.out.display(),
-        config.updates,
-        config.updates * config.rollout_len() as u64,
-        short(&config.hash()),
-        config.seed,
-        outcome.describe(),
-    ))?;
-    Ok(ExitCode::SUCCESS)
+    Ok((config, Care::new(args.checkpoint_minutes, &args.milestones)?))
 }
 
 /// Files kept of a run beside the checkpoints that its configuration asks for. None of it changes
@@ -165,7 +192,7 @@ impl Trained {
 }
 
 /// Trains the configuration's updates into `folder`, or as many as are missing when `resume` is
-/// set.
+/// set. The processes of a crew all call this; the first one writes.
 ///
 /// # Errors
 /// When the folder holds another run, or this one and `resume` is not set; when it cannot be
@@ -177,71 +204,38 @@ pub(crate) fn train(
     resume: bool,
     name: &str,
     care: &Care,
+    crew: &Crew,
 ) -> Result<Trained> {
-    let run = RunFolder::open(folder, care.wait)?;
-    claim(&run, config, folder, resume)?;
-    let mut trainer = newest_trainer(&run, config)?;
-    // Only now: what cannot be trained leaves no trace in the folder.
-    let stored = config.as_named_in(folder);
-    run.store_config(&toml::to_string(&stored).context("a configuration that is no TOML")?)?;
+    let claimed = crew.at_first(|| {
+        let run = RunFolder::open(folder, care.wait)?;
+        claim(&run, config, folder, resume)?;
+        Ok(run)
+    })?;
+    let mut trainer = newest_trainer(claimed.as_ref(), config, folder, crew)?;
     let found = updates(&trainer);
-    if found > config.updates {
-        output::note(&format!(
-            "{name}: {} holds {found} updates, more than the {} asked for",
-            folder.display(),
-            config.updates
-        ));
+    // Only now: what cannot be trained leaves no trace in the folder.
+    let mut desk = crew.at_first(|| Desk::begin(of_first(claimed), name, (config, care), folder, found))?;
+    if crew.decide(|| Ok(desk.as_ref().is_some_and(|desk| desk.is_new(found))))? {
+        trainer.save(&checkpoint(desk.as_ref(), found))?;
     }
-    let repair = truncate_log(&run.log(), found)?;
-    if repair.torn {
-        output::note(&format!("{name}: repaired the torn last line of {}", run.log().display()));
-    }
-    if repair.dropped > 0 {
-        output::note(&format!(
-            "{name}: {} logged updates after the checkpoint are made again",
-            repair.dropped
-        ));
-    }
-    if found == 0 && !run.checkpoint(0).exists() {
-        save(&run, &mut trainer, config)?;
-    } else if found <= config.updates {
-        keep_policies(&run, found, config, care)?;
-        // A kill between a checkpoint and what follows it leaves an old `latest` and a checkpoint
-        // too many.
-        settle(&run, found, config)?;
-        if found > 0 && found < config.updates {
-            output::note(&format!("{name}: resumed at update {found}"));
-        }
-    }
-    for (transitions, _) in care.updates(config).filter(|(_, at)| *at < found) {
-        if !run.milestone(transitions).exists() {
-            output::note(&format!(
-                "{name}: no policy at {transitions} transitions: the run was past them when they were first asked for"
-            ));
-        }
-    }
+    crew.at_first(|| of_first(desk.as_ref()).catch_up(found))?;
     let started = Instant::now();
     let mut saved = started;
-    let mut log = Log::append_to(&run.log())?;
-    let mut progress = Progress::new(name, config.updates, found);
-    let mut recent = Recent::default();
     while updates(&trainer) < config.updates {
         let report = trainer.update()?;
-        log.append(&report)?;
-        recent.push(report.episodes);
         let done = updates(&trainer);
-        let rate = (done - found) as f64 * config.rollout_len() as f64 / started.elapsed().as_secs_f64();
-        progress.set(done, &format!("{rate:.0} transitions/s {}", recent.describe()));
+        crew.at_first(|| of_first(desk.as_mut()).log(&report))?;
+        if let Some(desk) = &mut desk {
+            let rate = (done - found) as f64 * config.rollout_len() as f64 / started.elapsed().as_secs_f64();
+            desk.show(done, rate);
+        }
         let milestone = care.updates(config).any(|(_, at)| at == done);
-        let stopped = stop::asked() && done < config.updates;
-        let due = stopped || care.every.is_some_and(|every| saved.elapsed() >= every);
-        if is_planned(done, config) || milestone || due {
-            log.sync()?;
-            trainer.save(&run.checkpoint(done))?;
-            // Before the checkpoint counts: a run that goes on from a later one has every policy
-            // before it.
-            keep_policies(&run, done, config, care)?;
-            settle(&run, done, config)?;
+        let stopped = crew.any(stop::asked())? && done < config.updates;
+        let due = crew.decide(|| Ok(care.every.is_some_and(|every| saved.elapsed() >= every)))?;
+        if is_planned(done, config) || milestone || stopped || due {
+            crew.at_first(|| of_first(desk.as_mut()).log.sync())?;
+            trainer.save(&checkpoint(desk.as_ref(), done))?;
+            crew.at_first(|| of_first(desk.as_ref()).settle(done))?;
             saved = Instant::now();
         }
         if stopped {
@@ -252,10 +246,111 @@ pub(crate) fn train(
         }
     }
     let made = config.updates.saturating_sub(found);
-    if made > 0 {
-        progress.finish(&recent.describe());
+    if let Some(desk) = desk
+        && made > 0
+    {
+        desk.progress.finish(&desk.recent.describe());
     }
     Ok(Trained { found, made, seconds: started.elapsed().as_secs_f64() })
+}
+
+/// What the first process alone has.
+fn of_first<T>(of_first: Option<T>) -> T {
+    of_first.expect("asked in the first process alone")
+}
+
+/// Path of a checkpoint, where this process writes.
+fn checkpoint(desk: Option<&Desk<'_>>, update: u64) -> PathBuf {
+    desk.map_or_else(PathBuf::new, |desk| desk.run.checkpoint(update))
+}
+
+/// What writes and prints: the first process's.
+struct Desk<'a> {
+    run: RunFolder,
+    name: &'a str,
+    config: &'a Config,
+    care: &'a Care,
+    log: Log,
+    progress: Progress,
+    recent: Recent,
+}
+
+impl<'a> Desk<'a> {
+    /// Of a run that has come to `found` updates.
+    fn begin(
+        run: RunFolder,
+        name: &'a str,
+        (config, care): (&'a Config, &'a Care),
+        folder: &Path,
+        found: u64,
+    ) -> Result<Self> {
+        let stored = config.as_named_in(folder);
+        run.store_config(&toml::to_string(&stored).context("a configuration that is no TOML")?)?;
+        if found > config.updates {
+            output::note(&format!(
+                "{name}: {} holds {found} updates, more than the {} asked for",
+                folder.display(),
+                config.updates
+            ));
+        }
+        let repair = truncate_log(&run.log(), found)?;
+        if repair.torn {
+            output::note(&format!("{name}: repaired the torn last line of {}", run.log().display()));
+        }
+        if repair.dropped > 0 {
+            output::note(&format!(
+                "{name}: {} logged updates after the checkpoint are made again",
+                repair.dropped
+            ));
+        }
+        let log = Log::append_to(&run.log())?;
+        let progress = Progress::new(name, config.updates, found);
+        Ok(Self { run, name, config, care, log, progress, recent: Recent::default() })
+    }
+
+    /// True if not even the checkpoint of the beginning is there.
+    fn is_new(&self, found: u64) -> bool {
+        found == 0 && !self.run.checkpoint(0).exists()
+    }
+
+    /// Does what a process that was killed after its last checkpoint may have left undone.
+    fn catch_up(&self, found: u64) -> Result<()> {
+        let Self { run, name, config, care, .. } = self;
+        if found <= config.updates {
+            // A kill between a checkpoint and what follows it leaves an old `latest` and a
+            // checkpoint too many.
+            self.settle(found)?;
+            if found > 0 && found < config.updates {
+                output::note(&format!("{name}: resumed at update {found}"));
+            }
+        }
+        for (transitions, _) in care.updates(config).filter(|(_, at)| *at < found) {
+            if !run.milestone(transitions).exists() {
+                output::note(&format!(
+                    "{name}: no policy at {transitions} transitions: the run was past them when they were first asked for"
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// Makes a checkpoint that was written count.
+    fn settle(&self, update: u64) -> Result<()> {
+        // Before the checkpoint counts: a run that goes on from a later one has every policy before
+        // it.
+        keep_policies(&self.run, update, self.config, self.care)?;
+        settle(&self.run, update, self.config)
+    }
+
+    fn log(&mut self, report: &UpdateReport) -> Result<()> {
+        self.recent.push(report.episodes);
+        self.log.append(report)
+    }
+
+    /// Shows how far the run is, and how fast, in transitions per second.
+    fn show(&mut self, done: u64, rate: f64) {
+        self.progress.set(done, &format!("{rate:.0} transitions/s {}", self.recent.describe()));
+    }
 }
 
 /// Updates that a trainer has done.
@@ -285,17 +380,36 @@ fn claim(run: &RunFolder, config: &Config, folder: &Path, resume: bool) -> Resul
     Ok(())
 }
 
-/// The trainer at the newest checkpoint that can be read, or a fresh one.
-fn newest_trainer(run: &RunFolder, config: &Config) -> Result<Trainer> {
+/// The trainer at the newest checkpoint that can be read, or a fresh one: the first process looks
+/// for it, and the others take the same.
+fn newest_trainer(run: Option<&RunFolder>, config: &Config, folder: &Path, crew: &Crew) -> Result<Trainer> {
+    let first = crew.at_first(|| first_trainer(of_first(run), config, crew))?;
+    let told = first.as_ref().and_then(|(update, _)| update.map(u64::to_le_bytes));
+    let told = crew.tell(told.as_ref().map_or(&[], |update| &update[..]))?;
+    let own = match (first, <[u8; 8]>::try_from(told)) {
+        (Some((_, trainer)), _) => Ok(trainer),
+        (None, Ok(update)) => {
+            let path = checkpoint_path(folder, u64::from_le_bytes(update));
+            Trainer::resume_among(&path, config.clone(), crew.ranks())
+        }
+        (None, Err(_)) => Trainer::among(config.clone(), crew.ranks()),
+    };
+    crew.agree(own.map_err(Into::into))
+}
+
+/// In the first process, the trainer with the update whose checkpoint it goes on from.
+fn first_trainer(run: &RunFolder, config: &Config, crew: &Crew) -> Result<(Option<u64>, Trainer)> {
     let mut damaged = Vec::new();
-    for (_, path) in run.checkpoints()? {
-        match Trainer::resume_with(&path, config.clone()) {
+    for (update, path) in run.checkpoints()? {
+        match Trainer::resume_among(&path, config.clone(), crew.ranks()) {
             Ok(trainer) => {
                 for message in damaged {
                     output::note(&format!("passed over a damaged checkpoint: {message}"));
                 }
-                return Ok(trainer);
+                return Ok((Some(update), trainer));
             }
+            // Not the file's fault: another would not fare better.
+            Err(error @ PpoError::Ranks { .. }) => return Err(error.into()),
             Err(error) => damaged.push(error.to_string()),
         }
     }
@@ -303,9 +417,9 @@ fn newest_trainer(run: &RunFolder, config: &Config) -> Result<Trainer> {
     if let Some(message) = damaged.into_iter().next() {
         bail!("no checkpoint can be read: {message}");
     }
-    let mut trainer = Trainer::new(config.clone())?;
+    let mut trainer = Trainer::among(config.clone(), crew.ranks())?;
     trainer.set_commit(provenance::commit());
-    Ok(trainer)
+    Ok((None, trainer))
 }
 
 /// True at the end of one of a run's equal parts.
@@ -317,13 +431,6 @@ fn is_part(update: u64, config: &Config) -> bool {
 /// True where the configuration asks for a checkpoint, whatever the clock says.
 fn is_planned(update: u64, config: &Config) -> bool {
     update.is_multiple_of(config.checkpoint_every) || is_part(update, config)
-}
-
-/// Saves the trainer and drops older checkpoints.
-fn save(run: &RunFolder, trainer: &mut Trainer, config: &Config) -> Result<()> {
-    let update = updates(trainer);
-    trainer.save(&run.checkpoint(update))?;
-    settle(run, update, config)
 }
 
 /// Keeps the policies of the milestones that `update` reaches, out of the checkpoint that was

@@ -6,6 +6,7 @@ use anyhow::Result;
 use jostle_ppo::Config;
 use jostle_study::reproduce::Trainings;
 
+use crate::crew::Crew;
 use crate::sweep::{self, slurm_options::SlurmPlan};
 use crate::train::{Care, train};
 
@@ -14,7 +15,7 @@ pub(crate) struct Here;
 
 impl Trainings for Here {
     fn train(&self, config: &Config, folder: &Path, name: &str) -> Result<()> {
-        train(config, folder, true, name, &Care::default()).map(drop)
+        train(config, folder, true, name, &Care::default(), &Crew::alone()).map(drop)
     }
 
     fn submit(&self, out: &Path, runs: Vec<(String, Config)>, options: Option<&Path>) -> Result<()> {

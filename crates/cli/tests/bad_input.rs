@@ -243,3 +243,40 @@ fn a_command_line_that_cannot_be_read() {
     refused(&["evaluate", "x", "--episodes", "many"], &["many"]);
     refused(&["conquer"], &["conquer"]);
 }
+
+#[test]
+#[cfg(not(feature = "cuda"))]
+fn a_device_that_cannot_be_had_is_refused() {
+    config_refused("device = \"gpu\"\n", &[":1:", "device: found gpu, expected cpu, cuda:N or metal:N"]);
+    config_refused(
+        "device = \"cuda:0\"\n",
+        &[":1:1: device: found cuda:0, expected cpu, or the back end `reference`"],
+    );
+    let folder = tempfile::tempdir().unwrap();
+    let (file, out) = (folder.path().join("config.toml"), folder.path().join("run"));
+    fs::write(&file, TINY).unwrap();
+    let parts =
+        ["device: found cuda:0, expected cpu, since this program is built without the feature `cuda`"];
+    refused(&["train", "--config", text(&file), "--out", text(&out), "--device", "cuda:0"], &parts);
+    refused(
+        &["train", "--config", text(&file), "--out", text(&out), "--device", "tpu"],
+        &["--device", "found tpu, expected cpu, cuda:N or metal:N"],
+    );
+}
+
+#[test]
+#[cfg(not(feature = "mpi"))]
+fn several_processes_without_mpi_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, out) = (folder.path().join("config.toml"), folder.path().join("run"));
+    fs::write(&file, TINY).unwrap();
+    let output = std::process::Command::new(env!("CARGO_BIN_EXE_jostle"))
+        .args(["train", "--config", text(&file), "--out", text(&out)])
+        .env("OMPI_COMM_WORLD_SIZE", "2")
+        .output()
+        .unwrap();
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert!(!output.status.success() && message.lines().count() == 1, "{message}");
+    assert!(message.contains("found 2 processes of one MPI job, expected one"), "{message}");
+    assert!(!out.exists());
+}

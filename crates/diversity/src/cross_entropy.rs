@@ -42,14 +42,24 @@ fn argmax(row: &[f32]) -> usize {
 ///
 /// When `tokens` is empty or `logits` is not a whole number of rows for it.
 pub fn evaluate(logits: &[f32], tokens: &[u32]) -> CrossEntropy {
+    let ((loss, hits), n) = (totals(logits, tokens), tokens.len() as f64);
+    CrossEntropy { loss: loss / n, accuracy: hits / n }
+}
+
+/// Sums over the rows, for batches that are a part of a larger one: −Σ log q(z), and the number of
+/// rows whose behaviour is guessed.
+///
+/// # Panics
+///
+/// As [`evaluate`].
+pub fn totals(logits: &[f32], tokens: &[u32]) -> (f64, f64) {
     let m = row_len(logits, tokens);
     let (mut loss, mut hits) = (0.0, 0_usize);
     for (row, &token) in logits.chunks_exact(m).zip(tokens) {
         loss -= log_softmax_at(row, token);
         hits += usize::from(argmax(row) == token as usize);
     }
-    let n = tokens.len() as f64;
-    CrossEntropy { loss: loss / n, accuracy: hits as f64 / n }
+    (loss, hits as f64)
 }
 
 /// As [`evaluate`], and writes the gradient of the mean loss with respect to the logits.
@@ -62,9 +72,19 @@ pub fn evaluate(logits: &[f32], tokens: &[u32]) -> CrossEntropy {
 ///
 /// As [`evaluate`], and when `d_logits` has another length than `logits`.
 pub fn evaluate_with_gradient(logits: &[f32], tokens: &[u32], d_logits: &mut [f32]) -> CrossEntropy {
+    write_gradient(logits, tokens, tokens.len(), d_logits);
+    evaluate(logits, tokens)
+}
+
+/// Writes the part of these rows in the gradient of the mean loss of a batch of `n` rows.
+///
+/// # Panics
+///
+/// As [`evaluate_with_gradient`].
+pub fn write_gradient(logits: &[f32], tokens: &[u32], n: usize, d_logits: &mut [f32]) {
     let m = row_len(logits, tokens);
     assert_eq!(d_logits.len(), logits.len(), "d_logits has the shape of logits");
-    let scale = 1.0 / tokens.len() as f64;
+    let scale = 1.0 / n as f64;
     for ((row, &token), d_row) in logits.chunks_exact(m).zip(tokens).zip(d_logits.chunks_exact_mut(m)) {
         let log_sum = log_sum_exp(row);
         for (k, (&logit, d)) in row.iter().zip(d_row).enumerate() {
@@ -72,7 +92,6 @@ pub fn evaluate_with_gradient(logits: &[f32], tokens: &[u32], d_logits: &mut [f3
             *d = (((f64::from(logit) - log_sum).exp() - target) * scale) as f32;
         }
     }
-    evaluate(logits, tokens)
 }
 
 fn row_len(logits: &[f32], tokens: &[u32]) -> usize {

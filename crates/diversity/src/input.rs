@@ -54,9 +54,26 @@ impl NoiseLevels {
     ///
     /// When `rows` is not a positive whole number of rows.
     pub fn new(config: &DiscriminatorConfig, rows: &[f32], width: usize, n_action: usize) -> Option<Self> {
+        let n = (rows.len() / width) as f64;
+        assert!(n > 0.0 && n as usize * width == rows.len(), "rows are [B, width]");
+        let variance = || {
+            let mean: Vec<f64> = column_sums(rows, width).iter().map(|sum| sum / n).collect();
+            column_squares(rows, &mean).iter().map(|sum| sum / n).collect()
+        };
+        Self::of_variance(config, variance, width, n_action)
+    }
+
+    /// As [`Self::new`], from the variance of each feature, which is asked for only where the
+    /// levels follow from it: for rollouts that lie in several parts.
+    pub fn of_variance(
+        config: &DiscriminatorConfig,
+        variance: impl FnOnce() -> Vec<f64>,
+        width: usize,
+        n_action: usize,
+    ) -> Option<Self> {
         let scale = config.noise_scale;
         let mut sigma: Vec<f32> = match config.noise {
-            InputNoise::FeatureStd => feature_std(rows, width).iter().map(|s| (s * scale) as f32).collect(),
+            InputNoise::FeatureStd => variance().iter().map(|v| (v.sqrt() * scale) as f32).collect(),
             InputNoise::Absolute => vec![scale as f32; width],
             InputNoise::Off => return None,
         };
@@ -76,24 +93,24 @@ impl NoiseLevels {
     }
 }
 
-/// Population standard deviation of each column, in f64 and in row order.
-fn feature_std(rows: &[f32], width: usize) -> Vec<f64> {
-    let n = rows.len() / width;
-    assert!(n > 0 && n * width == rows.len(), "rows are [B, width]");
-    let mut mean = vec![0.0_f64; width];
+/// Sum of each column of `rows` `[B, width]`, in f64 and in row order.
+pub fn column_sums(rows: &[f32], width: usize) -> Vec<f64> {
+    let mut sums = vec![0.0_f64; width];
     for row in rows.chunks_exact(width) {
-        mean.iter_mut().zip(row).for_each(|(m, &x)| *m += f64::from(x));
+        sums.iter_mut().zip(row).for_each(|(sum, &x)| *sum += f64::from(x));
     }
-    for m in &mut mean {
-        *m /= n as f64;
-    }
-    let mut variance = vec![0.0_f64; width];
-    for row in rows.chunks_exact(width) {
-        for ((v, m), &x) in variance.iter_mut().zip(&mean).zip(row) {
-            *v += (f64::from(x) - m) * (f64::from(x) - m);
+    sums
+}
+
+/// Sum of the squared distances of each column from its `mean`, in f64 and in row order.
+pub fn column_squares(rows: &[f32], mean: &[f64]) -> Vec<f64> {
+    let mut sums = vec![0.0_f64; mean.len()];
+    for row in rows.chunks_exact(mean.len()) {
+        for ((sum, mean), &x) in sums.iter_mut().zip(mean).zip(row) {
+            *sum += (f64::from(x) - mean) * (f64::from(x) - mean);
         }
     }
-    variance.iter().map(|v| (v / n as f64).sqrt()).collect()
+    sums
 }
 
 #[cfg(test)]

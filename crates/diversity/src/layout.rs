@@ -5,8 +5,8 @@
 //! for linear layers, uniform in ±1/√`fan_in`.
 
 use jostle_policy::fast;
-use jostle_policy::reference::{CandleNetwork, default_device};
-use jostle_policy::{Backend, Layout, Network, Parameters};
+use jostle_policy::reference::CandleNetwork;
+use jostle_policy::{Backend, Engine, Layout, Network, Parameters};
 
 use crate::DiversityError;
 use crate::reference::Mlp;
@@ -51,17 +51,19 @@ impl DiscriminatorShape {
 /// there, or `hidden` is no multiple of 32 on the fast back end.
 pub fn discriminator(
     shape: DiscriminatorShape,
-    backend: Backend,
+    engine: impl Into<Engine>,
     parameters: &Parameters,
 ) -> Result<Box<dyn Network>, DiversityError> {
     parameters.check_layout(&shape.layout())?;
-    match backend {
+    let engine = engine.into();
+    engine.validate()?;
+    match engine.backend {
         Backend::Fast => {
             let DiscriminatorShape { n_inputs, hidden, n_behaviours } = shape;
             Ok(Box::new(fast::Mlp::new(n_inputs, hidden, n_behaviours, parameters)?))
         }
         Backend::Reference => {
-            Ok(Box::new(CandleNetwork::new(Mlp::new(shape), parameters, default_device()?)?))
+            Ok(Box::new(CandleNetwork::new(Mlp::new(shape), parameters, engine.device.open()?)?))
         }
     }
 }

@@ -1,34 +1,37 @@
 //! The one place that chooses the back end of a network.
 //!
-//! The switch is [`Backend`], the field `backend` of a training config. Nothing is chosen in
-//! silence: asking for a device that is not there is an error.
+//! The switch is an [`Engine`]: the fields `backend` and `device` of a training config, or a
+//! [`Backend`] alone for the CPU. Nothing is chosen in silence: asking for a device that is not
+//! there is an error.
 //!
 //! [`actor`] and [`critic`] take observation rows. [`actor_of_inputs`] and [`critic_of_inputs`] are
 //! the same networks behind the [encoder](crate::encoder): a learner encodes a row once and reads
 //! it many times.
 
 use crate::config::NetworkConfig;
+use crate::device::Engine;
 use crate::encoder::Encoder;
 use crate::encoder::encoded::EncodedNetwork;
 use crate::error::PolicyError;
 use crate::fast::{FastNetwork, Mlp};
 use crate::network::{Backend, Network};
 use crate::parameters::Parameters;
-use crate::reference::{Actor, CandleNetwork, Critic, default_device};
+use crate::reference::{Actor, CandleNetwork, Critic};
 
 /// An actor: outputs `[B, 2]`, the means of v and ω, of observation rows.
 ///
 /// # Errors
 ///
-/// [`PolicyError::Config`] for sizes out of bounds, [`PolicyError::Parameters`] if the parameters
+/// [`PolicyError::Config`] for sizes out of bounds and for a device that this build lacks or the
+/// back end does not know, [`PolicyError::Parameters`] if the parameters
 /// are not an actor's of these sizes, [`PolicyError::Candle`] if the reference back end's device is
 /// not there.
 pub fn actor(
     config: &NetworkConfig,
-    backend: Backend,
+    engine: impl Into<Engine>,
     parameters: &Parameters,
 ) -> Result<Box<dyn Network>, PolicyError> {
-    Ok(behind_encoder(config, actor_of_inputs(config, backend, parameters)?))
+    Ok(behind_encoder(config, actor_of_inputs(config, engine, parameters)?))
 }
 
 /// A critic: outputs `[B, 1]`, the value, of observation rows.
@@ -38,10 +41,10 @@ pub fn actor(
 /// As [`actor`].
 pub fn critic(
     config: &NetworkConfig,
-    backend: Backend,
+    engine: impl Into<Engine>,
     parameters: &Parameters,
 ) -> Result<Box<dyn Network>, PolicyError> {
-    Ok(behind_encoder(config, critic_of_inputs(config, backend, parameters)?))
+    Ok(behind_encoder(config, critic_of_inputs(config, engine, parameters)?))
 }
 
 /// An actor that takes input rows of [`NetworkConfig::input_len`] values.
@@ -51,15 +54,17 @@ pub fn critic(
 /// As [`actor`].
 pub fn actor_of_inputs(
     config: &NetworkConfig,
-    backend: Backend,
+    engine: impl Into<Engine>,
     parameters: &Parameters,
 ) -> Result<Box<dyn Network>, PolicyError> {
     config.validate()?;
-    Ok(match backend {
+    let engine = engine.into();
+    engine.validate()?;
+    Ok(match engine.backend {
         Backend::Fast if config.motion.is_some() => Box::new(Mlp::actor(config, parameters)?),
         Backend::Fast => Box::new(FastNetwork::actor(config, parameters)?),
         Backend::Reference => {
-            Box::new(CandleNetwork::new(Actor::new(config), parameters, default_device()?)?)
+            Box::new(CandleNetwork::new(Actor::new(config), parameters, engine.device.open()?)?)
         }
     })
 }
@@ -71,15 +76,17 @@ pub fn actor_of_inputs(
 /// As [`actor`].
 pub fn critic_of_inputs(
     config: &NetworkConfig,
-    backend: Backend,
+    engine: impl Into<Engine>,
     parameters: &Parameters,
 ) -> Result<Box<dyn Network>, PolicyError> {
     config.validate()?;
-    Ok(match backend {
+    let engine = engine.into();
+    engine.validate()?;
+    Ok(match engine.backend {
         Backend::Fast if config.motion.is_some() => Box::new(Mlp::critic(config, parameters)?),
         Backend::Fast => Box::new(FastNetwork::critic(config, parameters)?),
         Backend::Reference => {
-            Box::new(CandleNetwork::new(Critic::new(config), parameters, default_device()?)?)
+            Box::new(CandleNetwork::new(Critic::new(config), parameters, engine.device.open()?)?)
         }
     })
 }

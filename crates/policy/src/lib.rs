@@ -3,8 +3,8 @@
 //! Reading order: [`observation`] (the input row), [`encoder`] (fixed maps before a network),
 //! [`config`] and [`layout`] (sizes, names, shapes), [`Parameters`], [`reference::model`] (the
 //! networks, layer by layer), [`Network`] (the interface of every back end), [`backend`] (the one
-//! place that chooses one), [`DiagonalGaussian`] (the distribution over actions), [`PolicyFile`] (a
-//! trained policy on disk).
+//! place that chooses one, by an [`Engine`]), [`DiagonalGaussian`] (the distribution over actions),
+//! [`PolicyFile`] (a trained policy on disk).
 
 #![forbid(unsafe_code)]
 
@@ -12,6 +12,7 @@ pub mod backend;
 pub mod batch;
 mod checksum;
 pub mod config;
+pub mod device;
 pub mod encoder;
 pub mod error;
 pub mod fast;
@@ -31,6 +32,7 @@ pub use backend::{actor, critic};
 pub use batch::Batch;
 pub use checksum::hex;
 pub use config::NetworkConfig;
+pub use device::{Device, Engine};
 pub use encoder::Encoder;
 pub use error::PolicyError;
 pub use file::{PolicyFile, Precision};

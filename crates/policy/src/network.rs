@@ -17,7 +17,7 @@ pub enum Backend {
     #[default]
     Fast,
     /// The candle model: the definition to study and to compare with; on a GPU with the features
-    /// `cuda` and `metal`.
+    /// `cuda` and `metal` ([`Device`](crate::Device)).
     Reference,
 }
 

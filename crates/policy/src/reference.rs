@@ -21,23 +21,3 @@ pub mod weights;
 pub use model::{Actor, Critic, Features, Model};
 pub use network::CandleNetwork;
 pub use weights::Weights;
-
-use candle_core::Device;
-
-use crate::error::PolicyError;
-
-/// The device of the reference back end: the first GPU if a feature compiled one in, else the CPU.
-///
-/// # Errors
-///
-/// If the feature `cuda` or `metal` is on and there is no such device: it never falls back in
-/// silence.
-pub fn default_device() -> Result<Device, PolicyError> {
-    if cfg!(feature = "cuda") {
-        Ok(Device::new_cuda(0)?)
-    } else if cfg!(feature = "metal") {
-        Ok(Device::new_metal(0)?)
-    } else {
-        Ok(Device::Cpu)
-    }
-}

@@ -39,31 +39,31 @@
 //! - Lines 14, 15, 19: actor, critic and ratio are all conditioned on z. Lines 15 and 19 are means
 //!   over a minibatch. L^V is minimised, its target is GAE + V, which includes `r_t`.
 //! - Line 15: the entropy bonus of the lineage (Long et al. 2018 and its code) is added.
-//! - Lines 13–26: given the rollout the four networks are independent, so they learn side by side.
+//! - Lines 13–26: given the rollout the four networks are independent, so they learn side by side;
+//!   one after the other where several processes make one run ([`crate::ranks`]).
 
 use std::sync::Arc;
 use std::time::Instant;
 
-use jostle_diversity::cross_entropy::{self, log_softmax_at};
-use jostle_diversity::input::{NoiseLevels, state_action_rows};
-use jostle_diversity::{ActionInput, BehaviourActions, DiscriminatorShape, discriminator};
+use jostle_diversity::input::{NoiseLevels, column_squares, column_sums};
+use jostle_diversity::{BehaviourActions, DiscriminatorShape, cross_entropy, discriminator};
 use jostle_policy::backend::{actor_of_inputs, critic_of_inputs};
-use jostle_policy::encoder::{Encoder, EncoderScratch};
 use jostle_policy::{Batch, DiagonalGaussian, Parameters};
-use jostle_sim::{Rooms, Streams};
+use jostle_sim::Streams;
 use rayon::ThreadPool;
-use rayon::prelude::*;
 
 use crate::constraint::Standing;
 use crate::gae;
 use crate::learner::Learner;
 use crate::loss::{
-    PolicyLoss, PolicyLossWeights, PolicyTargets, explained_variance, policy_loss, value_loss,
+    PolicyLoss, PolicyLossWeights, PolicyTargets, explained_variance, policy_loss_of_part, value_loss_of_part,
 };
-use crate::minibatch::shuffle;
+use crate::minibatch::{Cut, shuffle};
 use crate::population::Population;
-use crate::report::DiscriminatorReport;
+use crate::ranks::{Alone, Communicator, Ranks, Tree};
+use crate::report::Totals;
 use crate::rollout::Rollout;
+use crate::shard::{Acting, Shard};
 use crate::{Clock, Config, PpoError, UpdateReport};
 
 /// Observations of a rollout on which D is watched: few, so that it costs about a percent of an
@@ -79,7 +79,6 @@ pub struct Trainer {
     /// SHA-256 of each of the training crowd's maps.
     pub(crate) training_maps: Vec<String>,
     pub(crate) streams: Streams,
-    pub(crate) rooms: Rooms,
     pub(crate) actor: Learner,
     pub(crate) critic: Learner,
     pub(crate) q_state_action: Learner,
@@ -88,51 +87,13 @@ pub struct Trainer {
     pub(crate) update: u64,
     /// Transitions seen.
     pub(crate) transitions: u64,
-    pub(crate) rollout: Rollout,
-    inputs: Inputs,
+    /// The shards of this process: all of them unless it is one of several.
+    pub(crate) shards: Vec<Shard>,
+    pub(crate) ranks: Ranks,
     pub(crate) population: Option<Population>,
     /// Returns of the behaviours, where their diversity is constrained.
     pub(crate) standing: Option<Standing>,
-    /// The agents that the present policy drives in the present step.
-    driven: Vec<u32>,
-    /// Means of the present step's actions, one for each of those.
-    means: Vec<[f32; 2]>,
-    /// Rows [observation | action] of the rollout, for `q_state_action`.
-    state_action: Vec<f32>,
     pub(crate) pool: Arc<ThreadPool>,
-}
-
-/// Observation rows as the networks read them.
-struct Inputs {
-    encoder: Encoder,
-    rows: Vec<f32>,
-}
-
-/// Rows that one task encodes.
-const ENCODED_AT_ONCE: usize = 32;
-
-impl Inputs {
-    fn new(encoder: Encoder) -> Self {
-        Self { encoder, rows: Vec::new() }
-    }
-
-    /// The rows encoded, or as they are where the network reads them so.
-    fn encode<'a>(&'a mut self, observations: &'a [f32]) -> &'a [f32] {
-        if self.encoder.is_identity() {
-            return observations;
-        }
-        let (width, len) = (self.encoder.observation_len(), self.encoder.input_len());
-        let Self { encoder, rows } = self;
-        rows.resize(observations.len() / width * len, 0.0);
-        rows.par_chunks_mut(len * ENCODED_AT_ONCE)
-            .zip(observations.par_chunks(width * ENCODED_AT_ONCE))
-            .for_each_init(EncoderScratch::default, |scratch, (rows, observations)| {
-                for (row, observation) in rows.chunks_exact_mut(len).zip(observations.chunks_exact(width)) {
-                    encoder.encode(observation, scratch, row);
-                }
-            });
-        rows
-    }
 }
 
 impl Trainer {
@@ -143,7 +104,18 @@ impl Trainer {
     /// The refusal of [`Config::validate`]; [`PpoError::Sim`] when the room has no place for the
     /// agents; [`PpoError::Threads`] when no thread can be started.
     pub fn new(config: Config) -> Result<Self, PpoError> {
+        Self::among(config, Arc::new(Alone))
+    }
+
+    /// As [`Self::new`], as one of the processes of a run: each makes such a trainer and calls the
+    /// same functions of it in the same order.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::new`], and [`PpoError::Ranks`] when the shards cannot be dealt to so many ranks.
+    pub fn among(config: Config, ranks: Arc<dyn Communicator>) -> Result<Self, PpoError> {
         config.validate()?;
+        let ranks = Ranks::new(ranks, config.shards)?;
         let map = config.sim.room.map_file();
         let map_sha256 = map.map(|map| jostle_sim::maps::sha256(&map)).transpose()?;
         let maps = config.training_crowd.map_files();
@@ -153,37 +125,33 @@ impl Trainer {
         let init = |name: &str| streams.stream(name, &[]);
         let theta = Parameters::actor(&network, &mut init("init.actor"));
         let phi = Parameters::critic(&network, &mut init("init.critic"));
-        let actor = actor_of_inputs(&network, config.backend, &theta)?; // Alg. 1, line 1: π_θ
-        let critic = critic_of_inputs(&network, config.backend, &phi)?; // Alg. 1, line 1: V_φ
+        let actor = actor_of_inputs(&network, config.engine(), &theta)?; // Alg. 1, line 1: π_θ
+        let critic = critic_of_inputs(&network, config.engine(), &phi)?; // Alg. 1, line 1: V_φ
         let q = |name, n_inputs| -> Result<Learner, PpoError> {
             let (hidden, n_behaviours) = (config.discriminator.hidden, config.n_behaviours);
             let shape = DiscriminatorShape { n_inputs, hidden, n_behaviours };
             let psi = Parameters::init(shape.layout(), &mut init(&format!("init.{name}")));
-            let network = discriminator(shape, config.backend, &psi)?;
+            let network = discriminator(shape, config.engine(), &psi)?;
             Ok(Learner::new(name, network, config.discriminator.learning_rate))
         };
-        let encoder = Encoder::new(&network);
-        let width = encoder.input_len();
+        let width = network.input_len();
         let q_state_action = q("discriminator.state_action", width + 2)?; // Alg. 1, line 1: q_ψsa
         let q_state = q("discriminator.state", width)?; // Alg. 1, line 1: q_ψs
         let population = Population::new(&config, &theta)?;
         let pool = thread_pool(config.threads)?;
-        let (n_rooms, n_agents, n_behaviours) = (config.n_rooms, config.n_agents, config.n_behaviours as u32);
-        let (sim, crowd) = (&config.sim, &config.training_crowd);
-        let rooms =
-            pool.install(|| Rooms::with_crowd(sim, crowd, n_rooms, n_agents, n_behaviours, &streams))?;
+        let shards = pool.install(|| {
+            let shard = |number| Shard::new(number, &config, &network, streams);
+            ranks.own_shards().map(shard).collect::<Result<_, _>>()
+        })?;
         Ok(Self {
             actor: Learner::new("actor", actor, config.learning_rate),
             critic: Learner::new("critic", critic, config.learning_rate),
             q_state_action,
             q_state,
-            rollout: Rollout::new(config.horizon, config.agents_total(), width),
-            inputs: Inputs::new(encoder),
+            shards,
+            ranks,
             population,
             standing: (config.diversity_margin > 0.0).then(|| Standing::new(config.n_behaviours)),
-            driven: Vec::with_capacity(config.agents_total()),
-            means: Vec::with_capacity(config.agents_total()),
-            state_action: Vec::new(),
             commit: "unknown".to_owned(),
             map_sha256,
             training_maps,
@@ -191,7 +159,6 @@ impl Trainer {
             transitions: 0,
             config,
             streams,
-            rooms,
             pool,
         })
     }
@@ -230,9 +197,9 @@ impl Trainer {
     ///
     /// # Errors
     ///
-    /// [`PpoError::NotFinite`] when an observation, action, loss or parameter is not finite. The
-    /// trainer is then in the middle of an update and must be dropped; go on from the last
-    /// checkpoint.
+    /// [`PpoError::NotFinite`] when an observation, action, loss or parameter is not finite, on
+    /// every rank the same error. The trainer is then in the middle of an update and must be
+    /// dropped; go on from the last checkpoint.
     pub fn update(&mut self) -> Result<UpdateReport, PpoError> {
         let pool = Arc::clone(&self.pool);
         pool.install(|| self.one_update())
@@ -242,61 +209,46 @@ impl Trainer {
         let start = Instant::now();
         let mut clock = Clock::default();
         self.update += 1;
-        self.rollout.clear();
-        for step in 0..self.config.horizon as u64 {
-            self.act(step, &mut clock)?; // Alg. 1, lines 5–7: all agents side by side
-        }
-        self.observe()?;
-        self.rollout.keep_learners();
+        let collected = self.collect(&mut clock); // Alg. 1, lines 5–7: all agents side by side
         clock.rollout = start.elapsed().as_secs_f64();
-        if let Some(standing) = &mut self.standing {
-            standing.take_in(&self.rollout.ended);
-        }
-        let logits = self.judge();
-        self.add_intrinsic_reward(&logits); // Alg. 1, line 8
-        let [on_state_action, on_state] = logits.map(|logits| {
-            let measured = cross_entropy::evaluate(&logits, self.rollout.tokens());
-            DiscriminatorReport { loss: measured.loss, accuracy: measured.accuracy }
+        let values = collected.and_then(|()| {
+            for number in 0..self.shards.len() {
+                let logits = self.judge(number);
+                self.shards[number].add_intrinsic_reward(&self.config, &logits); // Alg. 1, line 8
+            }
+            let Self { shards, config, critic, update, .. } = self;
+            shards.iter_mut().map(|shard| shard.values(config, critic, *update)).collect()
         });
-        let explained_variance = self.estimate_advantages()?; // Alg. 1, line 9
-        let diversity = self.measure_diversity();
+        let values: Vec<Vec<f32>> = self.ranks.agree(values)?;
+        self.follow_returns()?;
+        let own_rows: Vec<u64> = self.shards.iter().map(|shard| shard.rollout.len() as u64).collect();
+        let rows = self.ranks.gather_values(&own_rows)?.into_iter().map(|rows| rows as usize).collect();
+        let cut = Cut::new(rows, self.config.minibatch);
+        let totals = self.ranks.sum(self.shards.iter().map(|shard| Totals::of(shard).to_vec()))?;
+        let totals = Totals::from_slice(&totals);
+        let explained_variance = self.estimate_advantages(&values, cut.n_rows())?; // Alg. 1, line 9
+        let diversity = self.measure_diversity(&cut)?;
         clock.evaluation = start.elapsed().as_secs_f64() - clock.rollout;
-        let learning_rate = self.config.learning_rate_at(self.update);
-        self.actor.adam.set_learning_rate(learning_rate);
-        self.critic.adam.set_learning_rate(learning_rate);
-        // Alg. 1, line 11: π_old is the log-probabilities that the rollout keeps.
-        let Self { config, streams, rollout, actor, critic, q_state_action, q_state, .. } = self;
-        let context = UpdateContext { config, streams, rollout, update: self.update };
-        let ((policy, value), (sa, s)) = rayon::join(
-            || rayon::join(|| context.improve_policy(actor), || context.fit_value(critic)), // Alg. 1, lines 13–21
-            || {
-                let noisy = |q: &mut Learner, rows| context.fit_discriminator(q, rows); // Alg. 1, lines 22–26
-                rayon::join(
-                    || noisy(q_state_action, &self.state_action),
-                    || noisy(q_state, rollout.observations()),
-                )
-            },
-        );
-        let (policy, value_loss) = (policy?, value?);
-        sa.and(s)?;
+        let (policy, value_loss) = self.learn(&cut)?;
         if let Some(population) = &mut self.population {
             population.after(self.update, &mut self.actor);
         }
-        self.transitions += self.rollout.n_collected() as u64;
+        self.transitions += self.config.rollout_len() as u64;
         clock.total = start.elapsed().as_secs_f64();
         clock.learning = clock.total - clock.rollout - clock.evaluation;
-        let n = self.rollout.len() as f64;
+        let n = cut.n_rows() as f64;
         let log_std = self.actor.log_std();
+        let [discriminator_state_action, discriminator_state] = totals.discriminators(n);
         Ok(UpdateReport {
             update: self.update,
             transitions: self.transitions,
-            task_reward: self.rollout.rewards.iter().sum::<f64>() / n,
-            intrinsic_reward: self.rollout.intrinsic.iter().sum::<f64>() / n,
-            episodes: self.rollout.episodes,
-            episode_return: self.rollout.mean_per_episode(self.rollout.return_sum),
-            episode_length: self.rollout.mean_per_episode(self.rollout.length_sum),
-            discriminator_state_action: on_state_action,
-            discriminator_state: on_state,
+            task_reward: totals.rewards / n,
+            intrinsic_reward: totals.intrinsic / n,
+            episodes: totals.episodes,
+            episode_return: totals.mean_per_episode(totals.returns),
+            episode_length: totals.mean_per_episode(totals.lengths),
+            discriminator_state_action,
+            discriminator_state,
             diversity,
             value_loss,
             explained_variance,
@@ -310,121 +262,88 @@ impl Trainer {
                 .standing
                 .is_some()
                 .then(|| self.alphas().iter().filter(|alpha| **alpha > 0.0).count() as u64),
-            crowd: (!self.config.training_crowd.is_off()).then_some(self.rollout.crowd),
+            crowd: (!self.config.training_crowd.is_off()).then_some(totals.crowd),
             clock,
         })
     }
 
-    /// Appends to the rollout what all agents see now, as the networks read it.
-    fn observe(&mut self) -> Result<(), PpoError> {
-        let rows = self.inputs.encode(self.rooms.observations());
-        self.rollout.push_observations(rows, self.rooms.tokens(), self.update)
-    }
-
-    /// One step of every agent: observe, sample the policy of its behaviour, execute, collect
-    /// (lines 6–7).
-    pub(crate) fn act(&mut self, step: u64, clock: &mut Clock) -> Result<(), PpoError> {
-        let begin = Instant::now();
-        self.observe()?;
-        self.infer_means();
-        let log_std = self.actor.log_std();
-        let mut rng = self.streams.stream("action", &[self.update, step]);
-        let first = self.rollout.actions.len();
-        let mut driven = self.driven.iter().zip(&self.means).peekable();
-        for agent in 0..self.rooms.len() {
-            let own = driven.next_if(|(driven, _)| **driven as usize == agent);
-            let policy = DiagonalGaussian { mean: own.map_or([0.0; 2], |(_, mean)| *mean), log_std };
-            let action = policy.sample(&mut rng);
-            if action.iter().any(|a| !a.is_finite()) {
-                let (update, tensor) = (self.update, "action".to_owned());
-                return Err(PpoError::NotFinite { update, tensor, agent: Some(agent) });
+    /// Lines 5–7: a rollout in every room.
+    fn collect(&mut self, clock: &mut Clock) -> Result<(), PpoError> {
+        let Self { shards, config, streams, actor, population, update, .. } = self;
+        let (population, update) = (population.as_mut(), *update);
+        let mut by = Acting { config, streams, actor, population, update };
+        for shard in shards {
+            shard.rollout.clear();
+            for step in 0..config.horizon as u64 {
+                shard.act(&mut by, step, clock)?;
             }
-            self.rollout.actions.push(action);
-            self.rollout.log_probs.push(policy.log_prob(action));
+            shard.observe(update)?;
+            shard.rollout.keep_learners();
         }
-        if let Some(population) = &mut self.population {
-            population.act(&self.rooms, &mut self.rollout.actions[first..]);
-        }
-        clock.inference += begin.elapsed().as_secs_f64();
-        let begin = Instant::now();
-        self.rooms.step(&self.rollout.actions[first..]);
-        self.rollout.push_transitions(&self.rooms);
-        if self.config.bootstrap_truncation {
-            self.rollout.keep_truncated(&self.rooms, &self.inputs.encoder);
-        }
-        clock.simulation += begin.elapsed().as_secs_f64();
         Ok(())
     }
 
-    /// The present policy's means for the agents that it drives: for all but walkers and opponents
-    /// of a training crowd.
-    fn infer_means(&mut self) {
-        let n = self.rooms.len();
-        let driven = (0..n as u32).filter(|agent| self.rooms.role(*agent as usize).has_present_policy());
-        self.driven.clear();
-        self.driven.extend(driven);
-        self.means.resize(self.driven.len(), [0.0; 2]);
-        let present = self.rollout.present();
-        // No rows to choose where all are driven: the common case, and that without a crowd.
-        let rows = (self.driven.len() < n).then_some(&self.driven[..]);
-        self.actor.network.infer(Batch { rows, ..present }, self.means.as_flattened_mut());
+    /// One step of every agent.
+    pub(crate) fn act(&mut self, step: u64, clock: &mut Clock) -> Result<(), PpoError> {
+        let Self { shards, config, streams, actor, population, update, .. } = self;
+        let (population, update) = (population.as_mut(), *update);
+        let mut by = Acting { config, streams, actor, population, update };
+        shards.iter_mut().try_for_each(|shard| shard.act(&mut by, step, clock))
     }
 
-    /// Logits of q(z|s,a) and q(z|s) on the rollout, which they have not seen.
-    pub(crate) fn judge(&mut self) -> [Vec<f32>; 2] {
-        let rollout = &self.rollout;
-        if self.config.n_behaviours < 2 {
-            // With one behaviour there is nothing to guess: a single logit has the logarithm 0
-            // whatever it is.
-            return [vec![0.0; rollout.len()], vec![0.0; rollout.len()]];
-        }
-        let shown = match self.config.discriminator.action {
-            ActionInput::Executed => &rollout.executed,
-            ActionInput::Raw => &rollout.actions,
-        };
-        let scale = self.config.discriminator.action_scale;
-        state_action_rows(rollout.observations(), shown, scale, &mut self.state_action);
-        let len = rollout.len() * self.config.n_behaviours;
-        let (mut on_state_action, mut on_state) = (vec![0.0; len], vec![0.0; len]);
-        let (tokens, q_sa, q_s) = (rollout.tokens(), &mut self.q_state_action, &mut self.q_state);
-        rayon::join(
-            || q_sa.network.infer(Batch::new(&self.state_action, tokens), &mut on_state_action),
-            || q_s.network.infer(Batch::new(rollout.observations(), tokens), &mut on_state),
-        );
-        [on_state_action, on_state]
+    /// Logits of q(z|s,a) and q(z|s) on the rollout of one of this process's shards.
+    pub(crate) fn judge(&mut self, number: usize) -> [Vec<f32>; 2] {
+        let Self { shards, config, q_state_action, q_state, .. } = self;
+        shards[number].judge(config, [q_state_action, q_state])
     }
 
-    /// Line 8, by the logits of q(z|s,a) and q(z|s).
-    pub(crate) fn add_intrinsic_reward(&mut self, [on_state_action, on_state]: &[Vec<f32>; 2]) {
-        let (rollout, m) = (&mut self.rollout, self.config.n_behaviours);
-        let log_q =
-            |logits: &[f32], row: usize, token| log_softmax_at(&logits[row * m..(row + 1) * m], token);
-        rollout.intrinsic.resize(rollout.len(), 0.0);
-        for row in 0..rollout.len() {
-            let token = rollout.tokens()[row];
-            let (sa, s) = (log_q(on_state_action, row, token), log_q(on_state, row, token));
-            rollout.intrinsic[row] = self.config.intrinsic_reward.value(sa, s, self.config.add_log_m, m);
-        }
+    /// Where diversity is constrained, takes in the returns of the episodes that ended.
+    fn follow_returns(&mut self) -> Result<(), PpoError> {
+        let Some(standing) = &mut self.standing else { return Ok(()) };
+        let ended = || self.shards.iter().flat_map(|shard| &shard.rollout.ended);
+        let tokens: Vec<u32> = ended().map(|(token, _)| *token).collect();
+        let returns: Vec<f64> = ended().map(|(_, of_episode)| *of_episode).collect();
+        let tokens = self.ranks.gather_values(&tokens)?;
+        let returns = self.ranks.gather_values(&returns)?;
+        standing.take_in(&tokens.into_iter().zip(returns).collect::<Vec<_>>());
+        Ok(())
     }
 
-    /// Line 9; returns the explained variance of the values.
-    fn estimate_advantages(&mut self) -> Result<f64, PpoError> {
-        if self.config.bootstrap_truncation {
-            self.rollout.value_truncations();
-        }
-        let rows = self.rollout.rows_to_value();
-        let mut values = vec![0.0; rows.len()];
-        self.critic.network.infer(rows, &mut values);
-        if values.iter().any(|v| !v.is_finite()) {
-            let (update, tensor) = (self.update, "value".to_owned());
-            return Err(PpoError::NotFinite { update, tensor, agent: None });
-        }
-        let (gamma, gae_lambda) = (self.config.gamma, self.config.gae_lambda);
+    /// Line 9, by the values of each shard and the number of rows of all of them; returns the
+    /// explained variance of the values.
+    fn estimate_advantages(&mut self, values: &[Vec<f32>], n_rows: usize) -> Result<f64, PpoError> {
+        let discounts = (self.config.gamma, self.config.gae_lambda);
         let alphas = self.alphas();
-        let weight = (&alphas[..], self.config.alpha_weighs);
-        self.rollout.estimate_advantages(&values, weight, (gamma, gae_lambda));
-        gae::normalise(&mut self.rollout.advantages);
-        Ok(explained_variance(&self.rollout.values, &self.rollout.returns))
+        let Self { shards, ranks, config, .. } = self;
+        let weight = (&alphas[..], config.alpha_weighs);
+        let mut intrinsic = Vec::new();
+        for (shard, values) in shards.iter_mut().zip(values) {
+            intrinsic.extend(shard.rollout.estimate_advantages(values, weight, discounts));
+        }
+        if !intrinsic.is_empty() {
+            let columns: Vec<[&[f64]; 2]> = shards
+                .iter()
+                .zip(&intrinsic)
+                .map(|(shard, of)| [&shard.rollout.advantages[..], of])
+                .collect();
+            let [task, diverse] = moments(ranks, n_rows, &columns)?;
+            for (shard, intrinsic) in shards.iter_mut().zip(&mut intrinsic) {
+                gae::shift_and_scale(&mut shard.rollout.advantages, task.mean, task.variance);
+                gae::shift_and_scale(intrinsic, diverse.mean, diverse.variance);
+                shard.rollout.add_intrinsic_advantages(&alphas, intrinsic);
+            }
+        }
+        let errors: Vec<Vec<f64>> = shards.iter().map(|shard| shard.rollout.value_errors()).collect();
+        let columns: Vec<[&[f64]; 3]> = shards
+            .iter()
+            .zip(&errors)
+            .map(|(shard, errors)| [&shard.rollout.advantages[..], errors, &shard.rollout.returns])
+            .collect();
+        let [advantages, errors, returns] = moments(ranks, n_rows, &columns)?;
+        for shard in shards {
+            gae::shift_and_scale(&mut shard.rollout.advantages, advantages.mean, advantages.variance);
+        }
+        Ok(explained_variance(errors.variance, returns.variance))
     }
 
     /// The weight of each behaviour's intrinsic reward: α, or 0 where a constrained behaviour
@@ -437,28 +356,85 @@ impl Trainer {
         (0..n_behaviours).map(|behaviour| if is_paid(behaviour) { alpha } else { 0.0 }).collect()
     }
 
-    /// D over a few evenly spaced observations of the rollout.
-    fn measure_diversity(&mut self) -> f64 {
-        let (m, n) = (self.config.n_behaviours, self.rollout.len());
+    /// D over a few evenly spaced observations of the rollout, each of which is looked at where it
+    /// lies.
+    fn measure_diversity(&mut self, cut: &Cut) -> Result<f64, PpoError> {
+        let (m, n) = (self.config.n_behaviours, cut.n_rows());
         if m < 2 {
-            return 0.0;
+            return Ok(0.0);
         }
-        let width = self.rollout.observations().len() / n;
         let n_probes = DIVERSITY_PROBES.min(n);
-        let mut observations = Vec::with_capacity(n_probes * m * width);
-        for probe in 0..n_probes {
-            let row = probe * n / n_probes;
-            let observation = &self.rollout.observations()[row * width..(row + 1) * width];
-            (0..m).for_each(|_| observations.extend_from_slice(observation));
+        let mut own_means: Vec<f32> = Vec::new();
+        for shard in &self.shards {
+            let (observations, rows) = (shard.rollout.observations(), shard.rollout.len());
+            let (width, first) = (observations.len() / rows, cut.first(shard.number));
+            let probes = (0..n_probes).map(|probe| probe * n / n_probes);
+            let here: Vec<usize> = probes.filter(|row| (first..first + rows).contains(row)).collect();
+            let mut shown = Vec::with_capacity(here.len() * m * width);
+            for row in here.iter().map(|row| row - first) {
+                let observation = &observations[row * width..(row + 1) * width];
+                (0..m).for_each(|_| shown.extend_from_slice(observation));
+            }
+            let tokens: Vec<u32> = here.iter().flat_map(|_| 0..m as u32).collect();
+            let mut means = vec![0.0_f32; tokens.len() * 2];
+            self.actor.network.infer(Batch::new(&shown, &tokens), &mut means);
+            own_means.extend(means);
         }
-        let tokens: Vec<u32> = (0..n_probes).flat_map(|_| 0..m as u32).collect();
-        let mut means = vec![0.0_f32; tokens.len() * 2];
-        self.actor.network.infer(Batch::new(&observations, &tokens), &mut means);
+        let means = self.ranks.gather_values(&own_means)?;
         let log_std = self.actor.log_std().map(f64::from);
         let means: Vec<f64> = means.into_iter().map(f64::from).collect();
         let log_stds: Vec<f64> = log_std.iter().copied().cycle().take(means.len()).collect();
-        BehaviourActions::new(&means, &log_stds, m, 2).map_or(0.0, |actions| actions.diversity())
+        Ok(BehaviourActions::new(&means, &log_stds, m, 2).map_or(0.0, |actions| actions.diversity()))
     }
+
+    /// Lines 11–26: all four learners, side by side where no network's order of messages depends on
+    /// it. Returns the policy's measures and the mean value loss.
+    fn learn(&mut self, cut: &Cut) -> Result<(PolicyLoss, f64), PpoError> {
+        let learning_rate = self.config.learning_rate_at(self.update);
+        self.actor.adam.set_learning_rate(learning_rate);
+        self.critic.adam.set_learning_rate(learning_rate);
+        // Alg. 1, line 11: π_old is the log-probabilities that the rollout keeps.
+        let Self { config, streams, shards, ranks, actor, critic, q_state_action, q_state, .. } = self;
+        let context = UpdateContext { config, streams, shards, ranks, cut, update: self.update };
+        let mut policy = || context.improve_policy(actor); // Alg. 1, lines 13–17
+        let mut value = || context.fit_value(critic); // Alg. 1, lines 18–21
+        let mut sa = || context.fit_discriminator(q_state_action, |shard| &shard.state_action); // lines 22–26
+        let mut s = || context.fit_discriminator(q_state, |shard| shard.rollout.observations());
+        if ranks.are_several() {
+            let learned = (policy()?, value()?);
+            sa().and_then(|()| s())?;
+            return Ok(learned);
+        }
+        let ((policy, value), (sa, s)) = rayon::join(|| rayon::join(policy, value), || rayon::join(sa, s));
+        let learned = (policy?, value?);
+        sa.and(s)?;
+        Ok(learned)
+    }
+}
+
+/// Mean and population variance of a column.
+#[derive(Debug, Clone, Copy)]
+struct Moments {
+    mean: f64,
+    variance: f64,
+}
+
+/// Those of columns that lie in several shards, of `n_rows` rows in all.
+fn moments<const N: usize>(
+    ranks: &Ranks,
+    n_rows: usize,
+    shards: &[[&[f64]; N]],
+) -> Result<[Moments; N], PpoError> {
+    let n = n_rows as f64;
+    let sums =
+        ranks.sum(shards.iter().map(|columns| columns.iter().map(|x| x.iter().sum::<f64>()).collect()))?;
+    let means: [f64; N] = std::array::from_fn(|i| sums[i] / n);
+    let squares = ranks.sum(
+        shards
+            .iter()
+            .map(|columns| columns.iter().zip(means).map(|(x, mean)| gae::squares(x, mean)).collect()),
+    )?;
+    Ok(std::array::from_fn(|i| Moments { mean: means[i], variance: squares[i] / n }))
 }
 
 /// Things that the four learners share while they learn from one rollout.
@@ -466,7 +442,9 @@ impl Trainer {
 struct UpdateContext<'a> {
     config: &'a Config,
     streams: &'a Streams,
-    rollout: &'a Rollout,
+    shards: &'a [Shard],
+    ranks: &'a Ranks,
+    cut: &'a Cut,
     update: u64,
 }
 
@@ -474,106 +452,197 @@ impl UpdateContext<'_> {
     /// Lines 13–17. Returns the surrogate's mean over all minibatches, KL and clip fraction over
     /// the last epoch's, and the ratio's deviation in the first minibatch.
     fn improve_policy(&self, actor: &mut Learner) -> Result<PolicyLoss, PpoError> {
-        let Config { clip_coef, ent_coef, epochs_policy, max_grad_norm, .. } = *self.config;
+        let Config { clip_coef, ent_coef, epochs_policy, .. } = *self.config;
         let weights = PolicyLossWeights { clip_coef, ent_coef };
-        let Rollout { actions, log_probs: old_log_probs, advantages, .. } = self.rollout;
-        let targets = PolicyTargets { actions, old_log_probs, advantages };
-        let mut losses = Vec::new();
+        let mut measured = vec![Vec::new(); self.shards.len()];
+        let mut deviations = vec![0.0_f64; self.shards.len()];
+        let mut entropies = Vec::new();
         for epoch in 0..epochs_policy {
             // Alg. 1, line 13
-            for rows in self.order("minibatch.actor", epoch).chunks(self.config.minibatch) {
-                let mut means = vec![[0.0_f32; 2]; rows.len()];
-                let mut d_means = means.clone();
-                actor.network.forward(self.rollout.batch(rows), means.as_flattened_mut());
-                let loss = policy_loss(&means, actor.log_std(), targets, rows, weights, &mut d_means); // lines 14–15
-                self.check_loss("policy loss", loss.loss)?;
-                actor.network.backward(d_means.as_flattened());
-                actor.set_log_std_gradient(loss.d_log_std);
-                actor.step(max_grad_norm); // Alg. 1, line 16
-                losses.push(loss);
+            let orders = self.orders("minibatch.actor", epoch);
+            for minibatch in 0..self.cut.count() {
+                let (n, log_std) = (self.cut.len(minibatch), actor.log_std());
+                self.step(actor, |actor, i, shard| {
+                    let Rollout { actions, log_probs: old_log_probs, advantages, .. } = &shard.rollout;
+                    let targets = PolicyTargets { actions, old_log_probs, advantages };
+                    let rows = &orders[i][self.cut.part(minibatch, shard.number)];
+                    let mut means = vec![[0.0_f32; 2]; rows.len()];
+                    let mut d_means = means.clone();
+                    actor.forward(shard.rollout.batch(rows), means.as_flattened_mut());
+                    let mut loss =
+                        policy_loss_of_part(&means, log_std, targets, (rows, n), weights, &mut d_means); // 14–15
+                    if shard.number == 0 {
+                        loss.add_entropy(log_std, weights);
+                    }
+                    actor.backward(d_means.as_flattened());
+                    actor.set_log_std_gradient(loss.d_log_std);
+                    measured[i].extend([loss.surrogate, loss.approx_kl, loss.clip_fraction]);
+                    if entropies.is_empty() {
+                        deviations[i] = loss.ratio_deviation;
+                    }
+                })?; // Alg. 1, line 16
+                entropies.push(DiagonalGaussian { mean: [0.0; 2], log_std }.entropy());
             }
         } // Alg. 1, line 17
+        let sums = self.ranks.sum(measured)?;
+        let (losses, _) = sums.as_chunks::<3>();
+        for ([surrogate, ..], entropy) in losses.iter().zip(&entropies) {
+            self.check_loss("policy loss", surrogate - ent_coef * entropy)?;
+        }
+        let deviations = self.ranks.gather_values(&deviations)?;
         actor.check_finite(self.update)?;
-        let mean = |of: &dyn Fn(&PolicyLoss) -> f64, losses: &[PolicyLoss]| {
-            losses.iter().map(of).sum::<f64>() / losses.len() as f64
+        let mean = |of: usize, losses: &[[f64; 3]]| {
+            losses.iter().map(|loss| loss[of]).sum::<f64>() / losses.len() as f64
         };
         let last_epoch = &losses[losses.len() - losses.len() / epochs_policy..];
         Ok(PolicyLoss {
-            surrogate: mean(&|l| l.surrogate, &losses),
-            approx_kl: mean(&|l| l.approx_kl, last_epoch),
-            clip_fraction: mean(&|l| l.clip_fraction, last_epoch),
-            ..losses[0]
+            surrogate: mean(0, losses),
+            approx_kl: mean(1, last_epoch),
+            clip_fraction: mean(2, last_epoch),
+            ratio_deviation: deviations.into_iter().fold(0.0, f64::max),
+            ..PolicyLoss::default()
         })
     }
 
     /// Lines 18–21. Returns the mean value loss over all minibatches.
     fn fit_value(&self, critic: &mut Learner) -> Result<f64, PpoError> {
-        let (mut sum, mut n) = (0.0, 0_u32);
+        let mut measured = vec![Vec::new(); self.shards.len()];
         for epoch in 0..self.config.epochs_value {
             // Alg. 1, line 18
-            for rows in self.order("minibatch.critic", epoch).chunks(self.config.minibatch) {
-                let mut values = vec![0.0; rows.len()];
-                let mut d_values = values.clone();
-                critic.network.forward(self.rollout.batch(rows), &mut values);
-                let loss = value_loss(&values, &self.rollout.returns, rows, &mut d_values); // Alg. 1, line 19
-                self.check_loss("value loss", loss)?;
-                critic.network.backward(&d_values);
-                critic.step(self.config.max_grad_norm); // Alg. 1, line 20
-                (sum, n) = (sum + loss, n + 1);
+            let orders = self.orders("minibatch.critic", epoch);
+            for minibatch in 0..self.cut.count() {
+                let n = self.cut.len(minibatch);
+                self.step(critic, |critic, i, shard| {
+                    let rows = &orders[i][self.cut.part(minibatch, shard.number)];
+                    let mut values = vec![0.0; rows.len()];
+                    let mut d_values = values.clone();
+                    critic.forward(shard.rollout.batch(rows), &mut values);
+                    let returns = &shard.rollout.returns;
+                    measured[i].push(value_loss_of_part(&values, returns, (rows, n), &mut d_values)); // line 19
+                    critic.backward(&d_values);
+                })?; // Alg. 1, line 20
             }
         } // Alg. 1, line 21
+        let losses = self.ranks.sum(measured)?;
+        losses.iter().try_for_each(|loss| self.check_loss("value loss", *loss))?;
         critic.check_finite(self.update)?;
-        Ok(sum / f64::from(n))
+        Ok(losses.iter().fold(0.0, |sum, loss| sum + loss) / losses.len() as f64)
     }
 
-    /// Lines 22–26 for one of the two discriminators, whose input `inputs` are `[T·A, width]`.
+    /// Lines 22–26 for one of the two discriminators, whose inputs of a shard are `[rows, width]`.
     ///
     /// With one behaviour there is nothing to tell apart: loss and gradient are exactly 0, and
     /// nothing would move.
-    fn fit_discriminator(&self, q: &mut Learner, inputs: &[f32]) -> Result<(), PpoError> {
+    fn fit_discriminator(&self, q: &mut Learner, inputs: impl Fn(&Shard) -> &[f32]) -> Result<(), PpoError> {
         let m = self.config.n_behaviours;
         if m < 2 {
             return Ok(());
         }
-        let width = inputs.len() / self.rollout.len();
-        let n_action = width - self.rollout.observations().len() / self.rollout.len();
-        let noise = NoiseLevels::new(&self.config.discriminator, inputs, width, n_action);
+        let width_of = |rows: &[f32], shard: &Shard| rows.len() / shard.rollout.len();
+        let width = width_of(inputs(&self.shards[0]), &self.shards[0]);
+        let n_action = width - width_of(self.shards[0].rollout.observations(), &self.shards[0]);
+        let noise = self.noise_levels(width, n_action, &inputs)?;
+        let mut measured = vec![Vec::new(); self.shards.len()];
         let mut noised = Vec::new();
         for epoch in 0..self.config.epochs_discriminator {
             // Alg. 1, line 22
-            let mut rng = self.streams.stream(&format!("noise.{}", q.name()), &[self.update, epoch as u64]);
-            let order = self.order(&format!("minibatch.{}", q.name()), epoch);
-            for rows in order.chunks(self.config.minibatch) {
-                noised.resize(rows.len() * width, 0.0);
-                for (&row, noised) in rows.iter().zip(noised.chunks_exact_mut(width)) {
-                    let clean = &inputs[row as usize * width..(row as usize + 1) * width];
-                    match &noise {
-                        Some(levels) => levels.add(clean, noised, &mut rng),
-                        None => noised.copy_from_slice(clean),
+            let stream = format!("noise.{}", q.name());
+            let mut rngs: Vec<_> =
+                self.shards.iter().map(|shard| self.stream(&stream, shard, epoch)).collect();
+            let orders = self.orders(&format!("minibatch.{}", q.name()), epoch);
+            for minibatch in 0..self.cut.count() {
+                let n = self.cut.len(minibatch);
+                self.step(q, |q, i, shard| {
+                    let rows = &orders[i][self.cut.part(minibatch, shard.number)];
+                    noised.resize(rows.len() * width, 0.0);
+                    for (&row, noised) in rows.iter().zip(noised.chunks_exact_mut(width)) {
+                        let clean = &inputs(shard)[row as usize * width..(row as usize + 1) * width];
+                        match &noise {
+                            Some(levels) => levels.add(clean, noised, &mut rngs[i]),
+                            None => noised.copy_from_slice(clean),
+                        }
                     }
-                }
-                let tokens: Vec<u32> = rows.iter().map(|&row| self.rollout.tokens()[row as usize]).collect();
-                let mut logits = vec![0.0; rows.len() * m];
-                let mut d_logits = logits.clone();
-                q.network.forward(Batch::new(&noised, &tokens), &mut logits);
-                let loss = cross_entropy::evaluate_with_gradient(&logits, &tokens, &mut d_logits).loss; // 23–24
-                self.check_loss(q.name(), loss)?;
-                q.network.backward(&d_logits);
-                q.step(self.config.max_grad_norm); // Alg. 1, line 25
+                    let tokens: Vec<u32> =
+                        rows.iter().map(|&row| shard.rollout.tokens()[row as usize]).collect();
+                    let mut logits = vec![0.0; rows.len() * m];
+                    let mut d_logits = logits.clone();
+                    q.forward(Batch::new(&noised, &tokens), &mut logits);
+                    let mut loss = 0.0;
+                    if !rows.is_empty() {
+                        cross_entropy::write_gradient(&logits, &tokens, n, &mut d_logits); // lines 23–24
+                        loss = cross_entropy::totals(&logits, &tokens).0 / n as f64;
+                    }
+                    measured[i].push(loss);
+                    q.backward(&d_logits);
+                })?; // Alg. 1, line 25
             }
         } // Alg. 1, line 26
+        let losses = self.ranks.sum(measured)?;
+        losses.iter().try_for_each(|loss| self.check_loss(q.name(), *loss))?;
         q.check_finite(self.update)
     }
 
-    /// The shuffled rows of one epoch, from the stream of that name.
-    fn order(&self, stream: &str, epoch: usize) -> Vec<u32> {
-        let mut rows = Vec::new();
-        shuffle(
-            &mut rows,
-            self.rollout.len(),
-            &mut self.streams.stream(stream, &[self.update, epoch as u64]),
-        );
-        rows
+    /// The standard deviation of the noise on each of a discriminator's inputs.
+    fn noise_levels(
+        &self,
+        width: usize,
+        n_action: usize,
+        inputs: impl Fn(&Shard) -> &[f32],
+    ) -> Result<Option<NoiseLevels>, PpoError> {
+        let n = self.cut.n_rows() as f64;
+        let mut outcome = Ok(());
+        let variance = || -> Result<Vec<f64>, PpoError> {
+            let sums = self.ranks.sum(self.shards.iter().map(|shard| column_sums(inputs(shard), width)))?;
+            let mean: Vec<f64> = sums.iter().map(|sum| sum / n).collect();
+            let squares =
+                self.ranks.sum(self.shards.iter().map(|shard| column_squares(inputs(shard), &mean)))?;
+            Ok(squares.iter().map(|sum| sum / n).collect())
+        };
+        let or_zeros = || {
+            variance().unwrap_or_else(|error| {
+                outcome = Err(error);
+                vec![0.0; width]
+            })
+        };
+        let levels = NoiseLevels::of_variance(&self.config.discriminator, or_zeros, width, n_action);
+        outcome.map(|()| levels)
+    }
+
+    /// One step of Adam down the gradient of a minibatch, which `backward` leaves in the learner
+    /// for one shard after the other.
+    fn step(
+        &self,
+        learner: &mut Learner,
+        mut backward: impl FnMut(&mut Learner, usize, &Shard),
+    ) -> Result<(), PpoError> {
+        if let [shard] = self.shards {
+            backward(learner, 0, shard);
+        } else {
+            let mut tree = Tree::default();
+            for (i, shard) in self.shards.iter().enumerate() {
+                backward(learner, i, shard);
+                tree.push(learner.gradient().to_vec());
+            }
+            learner.gradient().copy_from_slice(&tree.take());
+        }
+        self.ranks.sum_over_ranks(learner.gradient())?;
+        learner.step(self.config.max_grad_norm);
+        Ok(())
+    }
+
+    /// Each shard's rows of one epoch, shuffled, from the stream of that name.
+    fn orders(&self, stream: &str, epoch: usize) -> Vec<Vec<u32>> {
+        let order = |shard: &Shard| {
+            let mut rows = Vec::new();
+            shuffle(&mut rows, shard.rollout.len(), &mut self.stream(stream, shard, epoch));
+            rows
+        };
+        self.shards.iter().map(order).collect()
+    }
+
+    /// A random stream of a shard for an epoch.
+    fn stream(&self, name: &str, shard: &Shard, epoch: usize) -> jostle_sim::StreamRng {
+        self.streams.stream(name, &shard.indices([self.update, epoch as u64]))
     }
 
     fn check_loss(&self, tensor: &str, loss: f64) -> Result<(), PpoError> {

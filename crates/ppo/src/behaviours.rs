@@ -76,33 +76,39 @@ impl Trainer {
 
     /// One rollout, added up.
     fn look(&mut self, reports: &mut [BehaviourReport]) -> Result<(), PpoError> {
-        self.rollout.clear();
+        self.shards.iter_mut().for_each(|shard| shard.rollout.clear());
         for step in 0..self.config.horizon as u64 {
-            let acting = self.rooms.tokens().to_vec();
+            let acting: Vec<Vec<u32>> =
+                self.shards.iter().map(|shard| shard.rooms.tokens().to_vec()).collect();
             self.act(step, &mut Clock::default())?;
-            let steps = self.rooms.transitions().iter().zip(&acting);
-            for (transition, &token) in steps.filter(|(transition, _)| transition.role.learns()) {
-                let report = &mut reports[token as usize];
-                report.transitions += 1;
-                report.episodes.count(transition.end);
-                report.speed += f64::from(transition.executed[0]);
-                report.turn_rate += f64::from(transition.executed[1].abs());
-                report.task_reward += f64::from(transition.reward);
+            for (shard, acting) in self.shards.iter().zip(&acting) {
+                let steps = shard.rooms.transitions().iter().zip(acting);
+                for (transition, &token) in steps.filter(|(transition, _)| transition.role.learns()) {
+                    let report = &mut reports[token as usize];
+                    report.transitions += 1;
+                    report.episodes.count(transition.end);
+                    report.speed += f64::from(transition.executed[0]);
+                    report.turn_rate += f64::from(transition.executed[1].abs());
+                    report.task_reward += f64::from(transition.reward);
+                }
             }
         }
-        self.rollout.keep_learners();
-        let logits = self.judge();
-        self.add_intrinsic_reward(&logits);
-        let (m, tokens) = (self.config.n_behaviours, self.rollout.tokens());
-        let mut add = |to: fn(&mut BehaviourReport) -> &mut f64, logits: &[f32]| {
-            for (&token, logits) in tokens.iter().zip(logits.chunks_exact(m)) {
-                *to(&mut reports[token as usize]) += log_softmax_at(logits, token);
+        for number in 0..self.shards.len() {
+            self.shards[number].rollout.keep_learners();
+            let logits = self.judge(number);
+            let shard = &mut self.shards[number];
+            shard.add_intrinsic_reward(&self.config, &logits);
+            let (m, tokens) = (self.config.n_behaviours, shard.rollout.tokens());
+            let mut add = |to: fn(&mut BehaviourReport) -> &mut f64, logits: &[f32]| {
+                for (&token, logits) in tokens.iter().zip(logits.chunks_exact(m)) {
+                    *to(&mut reports[token as usize]) += log_softmax_at(logits, token);
+                }
+            };
+            add(|report| &mut report.log_q_state_action, &logits[0]);
+            add(|report| &mut report.log_q_state, &logits[1]);
+            for (&token, intrinsic) in tokens.iter().zip(&shard.rollout.intrinsic) {
+                reports[token as usize].intrinsic_reward += intrinsic;
             }
-        };
-        add(|report| &mut report.log_q_state_action, &logits[0]);
-        add(|report| &mut report.log_q_state, &logits[1]);
-        for (&token, intrinsic) in tokens.iter().zip(&self.rollout.intrinsic) {
-            reports[token as usize].intrinsic_reward += intrinsic;
         }
         Ok(())
     }

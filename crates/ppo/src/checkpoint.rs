@@ -18,6 +18,7 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use jostle_diversity::DiscriminatorShape;
 use jostle_policy::file::{CHECKPOINT_FORMAT, network_json};
@@ -27,6 +28,7 @@ use jostle_sim::RoomsState;
 use crate::adam::Adam;
 use crate::learner::Learner;
 use crate::population::Population;
+use crate::ranks::{Alone, Communicator};
 use crate::{Config, PpoError, Trainer};
 
 /// Largest count of updates, transitions or steps that is believed; a run of the paper sees 3.2
@@ -43,15 +45,38 @@ const TRAINING_MAPS: &str = "training_maps_sha256";
 
 impl Trainer {
     /// Writes the run to `path`. A file that was there is replaced whole or not at all, and kept as
-    /// [`previous_path`].
+    /// [`previous_path`]. Of several ranks, which all have to call this, the first one writes.
     ///
     /// # Errors
     ///
     /// [`PpoError::Policy`] when the disk refuses or a parameter is not finite, [`PpoError::Io`]
     /// when the earlier file cannot be kept; the earlier file is then still in its place.
     pub fn save(&mut self, path: &Path) -> Result<(), PpoError> {
+        let written = match self.rooms_state()? {
+            Some(rooms) => self.write(path, &rooms),
+            None => Ok(()),
+        };
+        self.ranks.agree(written)
+    }
+
+    /// The state of all rooms, on the first rank.
+    fn rooms_state(&self) -> Result<Option<RoomsState>, PpoError> {
+        let own = RoomsState::join(self.shards.iter().map(|shard| shard.rooms.state()));
+        let own = own.expect("every rank has a shard");
+        if !self.ranks.are_several() {
+            return Ok(Some(own));
+        }
+        let all =
+            self.ranks.collect(&serde_json::to_vec(&own).expect("the rooms' state is plain numbers"))?;
+        let others = all.iter().map(|part| {
+            serde_json::from_slice(part).map_err(|error| PpoError::Ranks { reason: error.to_string() })
+        });
+        Ok(RoomsState::join(others.collect::<Result<Vec<_>, _>>()?))
+    }
+
+    fn write(&mut self, path: &Path, rooms: &RoomsState) -> Result<(), PpoError> {
         let metadata = self.metadata(path.parent().unwrap_or(Path::new("")));
-        let rooms = serde_json::to_vec(&self.rooms.state()).expect("the rooms' state is plain numbers");
+        let rooms = serde_json::to_vec(rooms).expect("the rooms' state is plain numbers");
         let steps: BTreeMap<&str, u64> =
             self.learners().into_iter().map(|learner| (learner.name(), learner.adam.steps())).collect();
         let steps = serde_json::to_vec(&steps).expect("step counts are plain numbers");
@@ -94,7 +119,7 @@ impl Trainer {
     pub fn resume(path: &Path) -> Result<Self, PpoError> {
         let file = open(path)?;
         let config = stored_config(&file)?;
-        Self::restore(config, &file)
+        Self::restore(config, &file, Arc::new(Alone))
     }
 
     /// Goes on from a checkpoint of the run that `config` describes.
@@ -104,16 +129,27 @@ impl Trainer {
     /// As [`Self::resume`], and [`PpoError::Checkpoint`] when the checkpoint belongs to another
     /// configuration.
     pub fn resume_with(path: &Path, config: Config) -> Result<Self, PpoError> {
+        Self::resume_among(path, config, Arc::new(Alone))
+    }
+
+    /// As [`Self::resume_with`], as one of the processes of a run: there may be more or fewer than
+    /// have made the checkpoint.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::resume_with`], and [`PpoError::Ranks`] when the shards cannot be dealt to so many
+    /// ranks.
+    pub fn resume_among(path: &Path, config: Config, ranks: Arc<dyn Communicator>) -> Result<Self, PpoError> {
         let file = open(path)?;
         let (found, expected) = (stored_config(&file)?.hash(), config.hash());
         if found != expected {
             let found = format!("the checkpoint of another configuration ({found})");
             return Err(refuse(path, "config_hash", found, expected));
         }
-        Self::restore(config, &file)
+        Self::restore(config, &file, ranks)
     }
 
-    fn restore(config: Config, file: &TensorFile) -> Result<Self, PpoError> {
+    fn restore(config: Config, file: &TensorFile, ranks: Arc<dyn Communicator>) -> Result<Self, PpoError> {
         let provenance = Provenance::read(file)?;
         let stored = stored_config(file)?;
         if ![stored.hash(), stored.hash_with_path()].contains(&provenance.config_hash) {
@@ -125,7 +161,7 @@ impl Trainer {
         for (field, found) in [("update", provenance.update), ("transitions", provenance.transitions)] {
             check_count(file, field, found)?;
         }
-        let mut trainer = Self::new(config)?;
+        let mut trainer = Self::among(config, ranks)?;
         if let (Some(found), Some(expected)) = (&trainer.map_sha256, file.metadata().get(MAP))
             && found != expected
         {
@@ -152,7 +188,12 @@ impl Trainer {
             }
         }
         let rooms: RoomsState = json(file, "state.rooms")?;
-        trainer.rooms.restore(rooms)?;
+        let parts = rooms.split(trainer.config.shards)?;
+        for (shard, part) in
+            trainer.shards.iter_mut().zip(parts.into_iter().skip(trainer.ranks.own_shards().start))
+        {
+            shard.rooms.restore(part)?;
+        }
         trainer.commit = provenance.commit;
         (trainer.update, trainer.transitions) = (provenance.update, provenance.transitions);
         Ok(trainer)

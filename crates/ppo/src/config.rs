@@ -6,7 +6,7 @@
 
 use jostle_diversity::{DiscriminatorConfig, IntrinsicReward};
 use jostle_policy::encoder::motion::MotionInputs;
-use jostle_policy::{Backend, NetworkConfig};
+use jostle_policy::{Backend, Device, Engine, NetworkConfig};
 use jostle_sim::{SimConfig, TrainingCrowd};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -53,6 +53,11 @@ pub struct Config {
     /// Back end of the networks: `fast` (own kernels on the CPU) or `reference` (candle). Default
     /// `fast`.
     pub backend: Backend,
+    /// Where the back end `reference` computes: `cpu`, `cuda:N` or `metal:N`, the latter two in
+    /// builds with the feature of that name. The simulator stays on the CPU. Default `cpu`.
+    #[cfg_attr(feature = "schema", schemars(extend("default" = "cpu")))]
+    #[serde(skip_serializing_if = "is_default")]
+    pub device: Device,
     /// Agents in a room, the paper's N (alias `N`); 1 to 1000. Default 5 (paper).
     #[cfg_attr(feature = "schema", schemars(extend("minimum" = 1, "maximum" = 1000, "origin" = "paper")))]
     #[serde(alias = "N")]
@@ -66,6 +71,13 @@ pub struct Config {
     #[cfg_attr(feature = "schema", schemars(extend("minimum" = 1, "maximum" = 65536)))]
     #[serde(alias = "R")]
     pub n_rooms: usize,
+    /// Parts that the rooms are dealt to, each with sums and random numbers of its own, so that up
+    /// to as many processes can make the run together (`mpirun`); a power of two of which `n_rooms`
+    /// is a multiple. How many processes there are changes no bit of the curve, this number does.
+    /// Default 1.
+    #[cfg_attr(feature = "schema", schemars(extend("minimum" = 1, "maximum" = 4096, "default" = 1)))]
+    #[serde(skip_serializing_if = "is_one")]
+    pub shards: usize,
     /// Steps that each agent collects for an update; ≥ 1. Default 128 (lineage).
     #[cfg_attr(feature = "schema", schemars(extend("minimum" = 1, "maximum" = 65536, "origin" = "lineage")))]
     pub horizon: usize,
@@ -237,9 +249,11 @@ impl Default for Config {
             checkpoint_every: 100,
             threads: 0,
             backend: Backend::default(),
+            device: Device::default(),
             n_agents: 5,
             n_behaviours: 5,
             n_rooms: 1,
+            shards: 1,
             horizon: 128,
             minibatch: 256,
             epochs_policy: 3,
@@ -271,6 +285,11 @@ impl Config {
     /// Agents of all rooms.
     pub fn agents_total(&self) -> usize {
         self.n_agents * self.n_rooms
+    }
+
+    /// What computes the networks.
+    pub fn engine(&self) -> Engine {
+        Engine { backend: self.backend, device: self.device }
     }
 
     /// Transitions of one update.
@@ -515,6 +534,12 @@ mod tests {
         };
         assert_ne!(maps("x"), Config::default().hash());
         assert_eq!(maps("x"), maps("/elsewhere"), "a map is known by its name and its content");
+        let two = TrainingCrowd { maps: vec!["a.toml".into(), "b.toml".into()], ..TrainingCrowd::default() };
+        let refused = Config { n_rooms: 1, ..with(two) }.validate().unwrap_err().to_string();
+        assert!(
+            refused.ends_with("training_crowd.maps: found 2 maps, expected at most n_rooms = 1"),
+            "{refused}"
+        );
         let mut population = with(TrainingCrowd::default());
         population.population.past = 3;
         assert_eq!(population.hash(), Config::default().hash(), "nobody is an opponent");

@@ -68,6 +68,12 @@ pub enum PpoError {
     /// The discriminators refused their configuration or parameters.
     #[error(transparent)]
     Diversity(#[from] jostle_diversity::DiversityError),
+    /// The processes of a run do not fit it, or one of them failed or is gone.
+    #[error("{reason}")]
+    Ranks {
+        /// What happened, and on which rank.
+        reason: String,
+    },
     /// The thread pool could not be started.
     #[error("cannot start {threads} threads: {reason}")]
     Threads {

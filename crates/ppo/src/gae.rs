@@ -80,7 +80,17 @@ pub fn advantages(
 pub fn normalise(advantages: &mut [f64]) {
     let n = advantages.len() as f64;
     let mean = advantages.iter().sum::<f64>() / n;
-    let variance = advantages.iter().map(|a| (a - mean) * (a - mean)).sum::<f64>() / n;
+    let variance = squares(advantages, mean) / n;
+    shift_and_scale(advantages, mean, variance);
+}
+
+/// Σ (x − mean)².
+pub(crate) fn squares(values: &[f64], mean: f64) -> f64 {
+    values.iter().map(|x| (x - mean) * (x - mean)).sum()
+}
+
+/// As [`normalise`], by a mean and a variance that were taken over more than these.
+pub(crate) fn shift_and_scale(advantages: &mut [f64], mean: f64, variance: f64) {
     let scale = variance.sqrt() + 1e-8;
     for a in advantages {
         *a = (*a - mean) / scale;

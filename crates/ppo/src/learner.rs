@@ -1,6 +1,6 @@
 //! A network with its optimiser: what each of the four learners is made of.
 
-use jostle_policy::{Layout, Network};
+use jostle_policy::{Batch, Layout, Network};
 
 use crate::PpoError;
 use crate::adam::{Adam, clip_norm};
@@ -40,6 +40,27 @@ impl Learner {
     pub(crate) fn log_std(&mut self) -> [f32; 2] {
         let parameters = self.network.parameters_and_gradient().0;
         [parameters[self.log_std[0]], parameters[self.log_std[1]]]
+    }
+
+    /// As [`Network::forward`]; an empty batch is one, too.
+    pub(crate) fn forward(&mut self, batch: Batch<'_>, outputs: &mut [f32]) {
+        if !batch.is_empty() {
+            self.network.forward(batch, outputs);
+        }
+    }
+
+    /// As [`Network::backward`]; the gradient of an empty batch is 0.
+    pub(crate) fn backward(&mut self, d_outputs: &[f32]) {
+        if d_outputs.is_empty() {
+            self.gradient().fill(0.0);
+        } else {
+            self.network.backward(d_outputs);
+        }
+    }
+
+    /// The gradient that `backward` left, in the network's own order.
+    pub(crate) fn gradient(&mut self) -> &mut [f32] {
+        self.network.parameters_and_gradient().1
     }
 
     /// Writes the gradient of `log_std`, which the network leaves to the loss.

@@ -3,7 +3,8 @@
 //! Reading order: [`algorithm1`] (the paper from top to bottom), then its pure leaves [`gae`],
 //! [`loss`], [`adam`] and [`minibatch`], the data they work on ([`rollout`]), what an update tells
 //! ([`report`]), what each behaviour does ([`behaviours`]), frozen policies among the agents
-//! ([`population`]), the [`config`] and the [`checkpoint`].
+//! ([`population`]), one run in several processes ([`ranks`]), the [`config`] and the
+//! [`checkpoint`].
 //!
 //! Architecture invariant: nothing here logs, prints or reads a clock for a result. Seconds are
 //! measured, and kept apart in [`Clock`]. Every random number comes from a stream named after the
@@ -23,8 +24,10 @@ mod learner;
 pub mod loss;
 pub mod minibatch;
 pub mod population;
+pub mod ranks;
 pub mod report;
 pub mod rollout;
+mod shard;
 
 pub use algorithm1::Trainer;
 pub use behaviours::BehaviourReport;

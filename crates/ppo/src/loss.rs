@@ -78,8 +78,37 @@ pub fn policy_loss(
     weights: PolicyLossWeights,
     d_means: &mut [[f32; N_ACTIONS]],
 ) -> PolicyLoss {
-    assert!(!rows.is_empty() && means.len() == rows.len() && d_means.len() == rows.len(), "all are [B]");
-    let n = rows.len() as f64;
+    assert!(!rows.is_empty(), "all are [B]");
+    let mut loss = policy_loss_of_part(means, log_std, targets, (rows, rows.len()), weights, d_means);
+    loss.add_entropy(log_std, weights);
+    loss
+}
+
+impl PolicyLoss {
+    /// Adds the entropy bonus to what the rows have given.
+    pub(crate) fn add_entropy(&mut self, log_std: [f32; N_ACTIONS], weights: PolicyLossWeights) {
+        self.entropy = DiagonalGaussian { mean: [0.0; N_ACTIONS], log_std }.entropy();
+        self.d_log_std.iter_mut().for_each(|d| *d -= weights.ent_coef);
+        self.loss = self.surrogate - weights.ent_coef * self.entropy;
+    }
+}
+
+/// The part of some `rows` in the loss of a minibatch of `n` rows, without the entropy bonus, which
+/// belongs to no row.
+///
+/// # Panics
+///
+/// When the lengths differ.
+pub(crate) fn policy_loss_of_part(
+    means: &[[f32; N_ACTIONS]],
+    log_std: [f32; N_ACTIONS],
+    targets: PolicyTargets<'_>,
+    (rows, n): (&[u32], usize),
+    weights: PolicyLossWeights,
+    d_means: &mut [[f32; N_ACTIONS]],
+) -> PolicyLoss {
+    assert!(means.len() == rows.len() && d_means.len() == rows.len(), "all are [B]");
+    let n = n as f64;
     let (low, high) = (1.0 - weights.clip_coef, 1.0 + weights.clip_coef);
     let mut result = PolicyLoss::default();
     for ((&row, &mean), d_mean) in rows.iter().zip(means).zip(d_means) {
@@ -99,9 +128,6 @@ pub fn policy_loss(
         let d_log_std = policy.d_log_prob_d_log_std(action);
         result.d_log_std.iter_mut().zip(d_log_std).for_each(|(sum, d)| *sum += d_log_prob * d);
     }
-    result.entropy = DiagonalGaussian { mean: [0.0; N_ACTIONS], log_std }.entropy();
-    result.d_log_std.iter_mut().for_each(|d| *d -= weights.ent_coef);
-    result.loss = result.surrogate - weights.ent_coef * result.entropy;
     result
 }
 
@@ -117,8 +143,23 @@ pub fn policy_loss(
 ///
 /// When the lengths differ or `rows` is empty.
 pub fn value_loss(values: &[f32], returns: &[f64], rows: &[u32], d_values: &mut [f32]) -> f64 {
-    assert!(!rows.is_empty() && values.len() == rows.len() && d_values.len() == rows.len(), "all are [B]");
-    let n = rows.len() as f64;
+    assert!(!rows.is_empty(), "all are [B]");
+    value_loss_of_part(values, returns, (rows, rows.len()), d_values)
+}
+
+/// The part of some `rows` in the loss of a minibatch of `n` rows.
+///
+/// # Panics
+///
+/// When the lengths differ.
+pub(crate) fn value_loss_of_part(
+    values: &[f32],
+    returns: &[f64],
+    (rows, n): (&[u32], usize),
+    d_values: &mut [f32],
+) -> f64 {
+    assert!(values.len() == rows.len() && d_values.len() == rows.len(), "all are [B]");
+    let n = n as f64;
     let mut loss = 0.0;
     for ((&row, &value), d_value) in rows.iter().zip(values).zip(d_values) {
         let error = f64::from(value) - returns[row as usize];
@@ -128,16 +169,10 @@ pub fn value_loss(values: &[f32], returns: &[f64], rows: &[u32], d_values: &mut 
     loss
 }
 
-/// 1 − Var(returns − values)/Var(returns): 1 for a perfect critic, 0 for one that predicts a
-/// constant; 0 when the returns do not vary.
-pub fn explained_variance(values: &[f64], returns: &[f64]) -> f64 {
-    let n = returns.len() as f64;
-    let variance = |xs: &dyn Fn(usize) -> f64| {
-        let mean = (0..returns.len()).map(xs).sum::<f64>() / n;
-        (0..returns.len()).map(|i| (xs(i) - mean).powi(2)).sum::<f64>() / n
-    };
-    let total = variance(&|i| returns[i]);
-    if total > 0.0 { 1.0 - variance(&|i| returns[i] - values[i]) / total } else { 0.0 }
+/// 1 − Var(returns − values)/Var(returns), by the two variances: 1 for a perfect critic, 0 for one
+/// that predicts a constant; 0 when the returns do not vary.
+pub(crate) fn explained_variance(of_errors: f64, of_returns: f64) -> f64 {
+    if of_returns > 0.0 { 1.0 - of_errors / of_returns } else { 0.0 }
 }
 
 #[cfg(test)]
@@ -287,12 +322,10 @@ mod tests {
 
     #[test]
     fn explained_variance_of_simple_critics() {
-        let returns = [1.0, 2.0, 4.0];
-        assert_eq!(explained_variance(&returns, &returns), 1.0);
-        assert_eq!(explained_variance(&[7.0; 3], &returns), 0.0);
-        assert_eq!(explained_variance(&[1.0, 2.0, 3.0], &[5.0; 3]), 0.0);
-        // Returns −1 … 1 about 10 vary by 2/3, the errors (−1, 0, 1)/2 by 1/6.
-        assert!((explained_variance(&[9.5, 10.0, 10.5], &[9.0, 10.0, 11.0]) - 0.75).abs() < 1e-12);
+        assert_eq!(explained_variance(0.0, 2.0), 1.0);
+        assert_eq!(explained_variance(2.0, 2.0), 0.0);
+        assert_eq!(explained_variance(1.0, 0.0), 0.0);
+        assert_eq!(explained_variance(0.5, 2.0), 0.75);
     }
 
     proptest! {

@@ -102,13 +102,13 @@ impl Population {
         let (mut opponents, mut records) = (Vec::new(), Vec::new());
         for (i, path) in config.population.located().iter().enumerate() {
             let (file, record) = read(config, i, path)?;
-            let network = actor(&file.network, config.backend, &file.actor)?;
+            let network = actor(&file.network, config.engine(), &file.actor)?;
             opponents.push(Opponent::new(network, file.network.n_behaviours));
             records.push(record);
         }
         let own = config.network_config();
         for _ in 0..*past {
-            opponents.push(Opponent::new(actor(&own, config.backend, theta)?, own.n_behaviours));
+            opponents.push(Opponent::new(actor(&own, config.engine(), theta)?, own.n_behaviours));
         }
         Ok(Some(Self { opponents, records, past_every: *past_every }))
     }
@@ -267,7 +267,7 @@ spawn = { goal_distance = 2.0 }
         let mut run = trainer(&[&files]);
         let mut seen = [0; 2];
         for step in 0..40 {
-            let (rooms, tokens) = (&run.rooms, run.rooms.tokens().to_vec());
+            let (rooms, tokens) = (&run.shards[0].rooms, run.shards[0].rooms.tokens().to_vec());
             let width = rooms.config().observation_len();
             let mut expected = vec![None; rooms.len()];
             for agent in (0..rooms.len()).filter(|agent| agent % 3 > 0) {
@@ -277,19 +277,19 @@ spawn = { goal_distance = 2.0 }
                 let file = PolicyFile::load(&saved[which]).expect("a policy");
                 let token = [if which == 0 { 0 } else { tokens[agent] }];
                 let row = &rooms.observations()[agent * width..(agent + 1) * width];
-                let mut network = actor(&file.network, run.config.backend, &file.actor).expect("an actor");
+                let mut network = actor(&file.network, run.config.engine(), &file.actor).expect("an actor");
                 let mut mean = [0.0; 2];
                 network.infer(Batch::new(row, &token), &mut mean);
                 expected[agent] = Some(mean);
             }
-            run.rollout.clear();
+            run.shards[0].rollout.clear();
             run.act(step, &mut Clock::default()).expect("finite numbers");
-            for (agent, action) in run.rollout.actions.iter().enumerate() {
+            for (agent, action) in run.shards[0].rollout.actions.iter().enumerate() {
                 let near = |mean: [f32; 2]| mean.iter().zip(action).all(|(a, b)| (a - b).abs() < 1e-6);
                 assert!(expected[agent].is_none_or(near), "agent {agent}: {action:?}, {:?}", expected[agent]);
             }
-            run.rollout.keep_learners();
-            assert_eq!(run.rollout.observations().len(), 2 * width, "the learners' rows alone");
+            run.shards[0].rollout.keep_learners();
+            assert_eq!(run.shards[0].rollout.observations().len(), 2 * width, "the learners' rows alone");
         }
         assert!(seen.iter().all(|n| *n > 20), "{seen:?}");
     }

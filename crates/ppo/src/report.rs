@@ -4,6 +4,8 @@
 use jostle_sim::{Outcome, StepEnd};
 use serde::{Deserialize, Serialize};
 
+use crate::shard::{Judged, Shard};
+
 /// One update's measures, ready to be logged as one record.
 ///
 /// Rewards, returns and lengths are those of the learners in the rollout; discriminator losses and
@@ -138,5 +140,98 @@ impl UpdateReport {
     #[must_use]
     pub fn without_clock(&self) -> Self {
         Self { clock: Clock::default(), ..self.clone() }
+    }
+}
+
+/// What is summed over the shards of a rollout for the report.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Totals {
+    pub(crate) rewards: f64,
+    pub(crate) intrinsic: f64,
+    pub(crate) returns: f64,
+    pub(crate) lengths: f64,
+    pub(crate) episodes: EpisodeCounts,
+    pub(crate) crowd: CrowdReport,
+    judged: [Judged; 2],
+}
+
+impl Totals {
+    /// Of one shard.
+    pub(crate) fn of(shard: &Shard) -> Self {
+        let rollout = &shard.rollout;
+        Self {
+            rewards: rollout.rewards.iter().sum(),
+            intrinsic: rollout.intrinsic.iter().sum(),
+            returns: rollout.return_sum,
+            lengths: rollout.length_sum,
+            episodes: rollout.episodes,
+            crowd: rollout.crowd,
+            judged: shard.judged,
+        }
+    }
+
+    /// All of it as numbers; counts are exact in them.
+    pub(crate) fn to_vec(self) -> Vec<f64> {
+        let Self { rewards, intrinsic, returns, lengths, episodes, crowd, judged } = self;
+        let sums = [rewards, intrinsic, returns, lengths];
+        let counts = [crowd.transitions, crowd.away]
+            .into_iter()
+            .chain([episodes, crowd.episodes].into_iter().flat_map(EpisodeCounts::to_array));
+        let judged = judged.into_iter().flat_map(|Judged { loss, hits }| [loss, hits]);
+        sums.into_iter().chain(counts.map(|count| count as f64)).chain(judged).collect()
+    }
+
+    /// The inverse of [`Self::to_vec`].
+    pub(crate) fn from_slice(values: &[f64]) -> Self {
+        let mut values = values.iter().copied();
+        let mut next = || values.next().expect("as many numbers as `to_vec` gives");
+        let [rewards, intrinsic, returns, lengths] = std::array::from_fn(|_| next());
+        let [transitions, away] = std::array::from_fn(|_| next() as u64);
+        let [episodes, of_crowd] =
+            std::array::from_fn(|_| EpisodeCounts::from_array(std::array::from_fn(|_| next() as u64)));
+        let judged = std::array::from_fn(|_| Judged { loss: next(), hits: next() });
+        let crowd = CrowdReport { transitions, away, episodes: of_crowd };
+        Self { rewards, intrinsic, returns, lengths, episodes, crowd, judged }
+    }
+
+    /// A sum over the ended episodes as a mean.
+    pub(crate) fn mean_per_episode(&self, sum: f64) -> Option<f64> {
+        (self.episodes.ended > 0).then(|| sum / self.episodes.ended as f64)
+    }
+
+    /// Both discriminators over `n` rows.
+    pub(crate) fn discriminators(&self, n: f64) -> [DiscriminatorReport; 2] {
+        self.judged.map(|Judged { loss, hits }| DiscriminatorReport { loss: loss / n, accuracy: hits / n })
+    }
+}
+
+impl EpisodeCounts {
+    fn to_array(self) -> [u64; 5] {
+        [self.ended, self.success, self.collision_wall, self.collision_agent, self.timeout]
+    }
+
+    fn from_array([ended, success, collision_wall, collision_agent, timeout]: [u64; 5]) -> Self {
+        Self { ended, success, collision_wall, collision_agent, timeout }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn totals_are_what_they_were_as_numbers() {
+        let counts = |first: u64| EpisodeCounts::from_array(std::array::from_fn(|i| first + i as u64));
+        let totals = Totals {
+            rewards: 1.5,
+            intrinsic: -2.0,
+            returns: 3.25,
+            lengths: 4.0,
+            episodes: counts(10),
+            crowd: CrowdReport { transitions: 7, away: 8, episodes: counts(20) },
+            judged: [Judged { loss: 0.5, hits: 3.0 }, Judged { loss: 0.25, hits: 4.0 }],
+        };
+        assert_eq!(Totals::from_slice(&totals.to_vec()), totals);
+        assert_eq!(totals.discriminators(2.0)[1], DiscriminatorReport { loss: 0.125, accuracy: 2.0 });
     }
 }

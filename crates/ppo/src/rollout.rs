@@ -251,8 +251,9 @@ impl Rollout {
 
     /// Algorithm 1, line 9, for each agent's own sequence: advantages and the value targets.
     ///
-    /// Where α weighs rewards, of r + α·intrinsic; where it weighs advantages, those of r,
-    /// normalised, plus α times those of the intrinsic rewards, normalised, and targets of r alone.
+    /// Where α weighs rewards, of r + α·intrinsic; where it weighs advantages, of r alone, and the
+    /// advantages of the intrinsic rewards are returned, to be added by
+    /// [`Self::add_intrinsic_advantages`] once both are normalised.
     ///
     /// # Shapes
     ///
@@ -263,7 +264,7 @@ impl Rollout {
         values: &[f32],
         (alphas, weighs): (&[f64], AlphaWeighs),
         discounts: (f64, f64),
-    ) {
+    ) -> Option<Vec<f64>> {
         let (n, n_agents) = (self.len(), self.n_agents);
         for buffer in [&mut self.values, &mut self.advantages, &mut self.returns] {
             buffer.resize(n, 0.0);
@@ -290,13 +291,11 @@ impl Rollout {
         for ((to, advantage), value) in self.returns.iter_mut().zip(&self.advantages).zip(&self.values) {
             *to = advantage + value;
         }
-        if weighs == AlphaWeighs::Advantage {
-            self.add_intrinsic_advantages(alphas, discounts);
-        }
+        (weighs == AlphaWeighs::Advantage).then(|| self.intrinsic_advantages(discounts))
     }
 
-    /// Normalises the advantages and adds α times the normalised ones of the intrinsic rewards.
-    fn add_intrinsic_advantages(&mut self, alphas: &[f64], discounts: (f64, f64)) {
+    /// Advantages of the intrinsic rewards, without a value function.
+    fn intrinsic_advantages(&self, discounts: (f64, f64)) -> Vec<f64> {
         let mut intrinsic = vec![0.0; self.len()];
         self.of_sequences(
             discounts,
@@ -310,11 +309,19 @@ impl Rollout {
                 (self.intrinsic[row], 0.0, fate)
             },
         );
-        gae::normalise(&mut self.advantages);
-        gae::normalise(&mut intrinsic);
-        for ((sum, advantage), token) in self.advantages.iter_mut().zip(&intrinsic).zip(&self.tokens) {
+        intrinsic
+    }
+
+    /// Adds α times the advantages of the intrinsic rewards.
+    pub(crate) fn add_intrinsic_advantages(&mut self, alphas: &[f64], intrinsic: &[f64]) {
+        for ((sum, advantage), token) in self.advantages.iter_mut().zip(intrinsic).zip(&self.tokens) {
             *sum += alphas[*token as usize] * advantage;
         }
+    }
+
+    /// The values' errors: targets minus values.
+    pub(crate) fn value_errors(&self) -> Vec<f64> {
+        self.returns.iter().zip(&self.values).map(|(target, value)| target - value).collect()
     }
 
     /// Advantages of each agent's own sequence: `of` gives reward, value and fate of a row with its
@@ -342,11 +349,6 @@ impl Rollout {
                 }
             }
         }
-    }
-
-    /// A sum over the ended episodes as a mean.
-    pub(crate) fn mean_per_episode(&self, sum: f64) -> Option<f64> {
-        (self.episodes.ended > 0).then(|| sum / self.episodes.ended as f64)
     }
 }
 
@@ -395,10 +397,24 @@ mod tests {
     const VALUES: [f32; 8] = [0.5, 1.0, -0.5, 2.0, 1.0, 0.25, 3.0, -1.0];
     const HALF: (f64, f64) = (0.5, 1.0);
 
+    /// Algorithm 1, line 9, where one shard is the whole rollout.
+    fn estimate(
+        rollout: &mut Rollout,
+        values: &[f32],
+        (alphas, weighs): (&[f64], AlphaWeighs),
+        discounts: (f64, f64),
+    ) {
+        if let Some(mut intrinsic) = rollout.estimate_advantages(values, (alphas, weighs), discounts) {
+            gae::normalise(&mut rollout.advantages);
+            gae::normalise(&mut intrinsic);
+            rollout.add_intrinsic_advantages(alphas, &intrinsic);
+        }
+    }
+
     fn advantages(alpha: f64, weighs: AlphaWeighs, scale: f64) -> (Vec<f64>, Vec<f64>) {
         let mut rollout = rollout();
         rollout.intrinsic.iter_mut().for_each(|reward| *reward *= scale);
-        rollout.estimate_advantages(&VALUES, (&[alpha; 8], weighs), HALF);
+        estimate(&mut rollout, &VALUES, (&[alpha; 8], weighs), HALF);
         (rollout.advantages, rollout.returns)
     }
 
@@ -456,11 +472,7 @@ mod tests {
                 let mut rollout = crowded(garbage);
                 rollout.keep_learners();
                 rollout.intrinsic = vec![0.5, 0.0, 0.25, 0.0, 2.0];
-                rollout.estimate_advantages(
-                    &[0.5, 1.0, -0.5, 1.0, 0.25, 3.0, -1.0],
-                    (&[0.5; 8], weighs),
-                    HALF,
-                );
+                estimate(&mut rollout, &[0.5, 1.0, -0.5, 1.0, 0.25, 3.0, -1.0], (&[0.5; 8], weighs), HALF);
                 (rollout.advantages, rollout.returns)
             });
             assert_eq!((&advantages, &returns), (&other.0, &other.1));
@@ -489,7 +501,7 @@ mod tests {
     #[test]
     fn each_behaviour_has_its_own_weight() {
         let mut rollout = rollout();
-        rollout.estimate_advantages(&VALUES, (&[2.0, 0.0], AlphaWeighs::Reward), HALF);
+        estimate(&mut rollout, &VALUES, (&[2.0, 0.0], AlphaWeighs::Reward), HALF);
         let (paid, unpaid) =
             (advantages(2.0, AlphaWeighs::Reward, 1.0).0, advantages(0.0, AlphaWeighs::Reward, 1.0).0);
         let agents = |of: &[f64], first: usize| [of[first], of[first + 2], of[first + 4]];
@@ -497,7 +509,7 @@ mod tests {
         assert_eq!(agents(&rollout.advantages, 1), agents(&unpaid, 1));
         assert_ne!(agents(&paid, 1), agents(&unpaid, 1));
 
-        rollout.estimate_advantages(&VALUES, (&[0.5, 0.0], AlphaWeighs::Advantage), HALF);
+        estimate(&mut rollout, &VALUES, (&[0.5, 0.0], AlphaWeighs::Advantage), HALF);
         let mut task = unpaid;
         gae::normalise(&mut task);
         assert_eq!(agents(&rollout.advantages, 1), agents(&task, 1));

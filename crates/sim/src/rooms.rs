@@ -37,6 +37,8 @@ pub struct Rooms {
     pub(crate) config: Arc<SimConfig>,
     pub(crate) crowd: Arc<TrainingCrowd>,
     pub(crate) streams: Streams,
+    /// Number of the first room among all of the run.
+    pub(crate) first: usize,
     pub(crate) n_agents: usize,
     pub(crate) n_behaviours: u32,
     pub(crate) rooms: Vec<Room>,
@@ -78,7 +80,28 @@ impl Rooms {
         n_behaviours: u32,
         streams: &Streams,
     ) -> Result<Self, SimError> {
-        let mut rooms = Self::unplaced((config, crowd), n_rooms, n_agents, n_behaviours, *streams)?;
+        if crowd.maps.len() > n_rooms {
+            let found = format!("{} maps", crowd.maps.len());
+            return Err(SimError::field("maps", found, format!("at most n_rooms = {n_rooms}")));
+        }
+        Self::part(config, crowd, 0..n_rooms, n_agents, n_behaviours, streams)
+    }
+
+    /// As [`Rooms::with_crowd`], the rooms of these numbers only: what happens in them is what
+    /// would happen in them among all of the run's rooms.
+    ///
+    /// # Errors
+    ///
+    /// As [`Rooms::with_crowd`].
+    pub fn part(
+        config: &SimConfig,
+        crowd: &TrainingCrowd,
+        numbers: Range<usize>,
+        n_agents: usize,
+        n_behaviours: u32,
+        streams: &Streams,
+    ) -> Result<Self, SimError> {
+        let mut rooms = Self::unplaced((config, crowd), numbers, n_agents, n_behaviours, *streams)?;
         let mut all = rooms.all_mut();
         all.par_rooms().for_each(|(room, mut buffers)| room.begin(&mut buffers));
         Ok(rooms)
@@ -86,23 +109,20 @@ impl Rooms {
 
     fn unplaced(
         (config, crowd): (&SimConfig, &TrainingCrowd),
-        n_rooms: usize,
+        numbers: Range<usize>,
         n_agents: usize,
         n_behaviours: u32,
         streams: Streams,
     ) -> Result<Self, SimError> {
         config.validate()?;
         crowd.validate()?;
+        let (first, n_rooms) = (numbers.start, numbers.len());
         for (field, count) in
             [("n_rooms", n_rooms), ("n_agents", n_agents), ("n_behaviours", n_behaviours as usize)]
         {
             if count == 0 {
                 return Err(SimError::field(field, 0, "at least 1"));
             }
-        }
-        if crowd.maps.len() > n_rooms {
-            let found = format!("{} maps", crowd.maps.len());
-            return Err(SimError::field("maps", found, format!("at most n_rooms = {n_rooms}")));
         }
         let plans = Plan::all(config, crowd, n_agents)?;
         let config = Arc::new(config.clone());
@@ -112,7 +132,7 @@ impl Rooms {
             let plan = &plans[r % plans.len()];
             Room::new((&config, &crowd), plan, &laser, n_agents, n_behaviours, streams, r as u64)
         };
-        let rooms = (0..n_rooms).map(room).collect::<Result<Vec<_>, _>>()?;
+        let rooms = numbers.map(room).collect::<Result<Vec<_>, _>>()?;
         let n = n_rooms * n_agents;
         Ok(Self {
             observations: vec![0.0; n * config.observation_len()],
@@ -120,6 +140,7 @@ impl Rooms {
             tokens: vec![0; n],
             transitions: vec![Transition::default(); n],
             streams,
+            first,
             config,
             crowd,
             n_agents,

@@ -58,6 +58,41 @@ struct MemberState {
     position: u64,
 }
 
+impl RoomsState {
+    /// The snapshot of all rooms, from those of their parts in the order of the rooms; `None`
+    /// without a part.
+    pub fn join(parts: impl IntoIterator<Item = Self>) -> Option<Self> {
+        parts.into_iter().reduce(|mut all, part| {
+            all.n_rooms += part.n_rooms;
+            all.agents.extend(part.agents);
+            all.observations.extend(part.observations);
+            all.rooms.extend(part.rooms);
+            all
+        })
+    }
+
+    /// The inverse of [`Self::join`] for `n` parts of as many rooms each.
+    ///
+    /// # Errors
+    ///
+    /// When rooms, agents or observations cannot be dealt to so many parts.
+    pub fn split(mut self, n: usize) -> Result<Vec<Self>, SimError> {
+        let counts = [self.n_rooms, self.agents.len(), self.observations.len(), self.rooms.len()];
+        if let Some(odd) = counts.iter().find(|count| !count.is_multiple_of(n)) {
+            return Err(SimError::field("state", format!("{odd} values"), format!("a multiple of {n}")));
+        }
+        let [n_rooms, agents, observations, rooms] = counts.map(|count| count / n);
+        let part = |_| Self {
+            n_rooms,
+            agents: self.agents.drain(..agents).collect(),
+            observations: self.observations.drain(..observations).collect(),
+            rooms: self.rooms.drain(..rooms).collect(),
+            ..self
+        };
+        Ok((0..n).map(part).collect())
+    }
+}
+
 impl Rooms {
     /// A snapshot, to be taken between steps.
     pub fn state(&self) -> RoomsState {
@@ -102,7 +137,7 @@ impl Rooms {
         let furnished = self.furnish(&state.rooms)?;
         for (r, (saved, furnished)) in state.rooms.into_iter().zip(furnished).enumerate() {
             let room = &mut self.rooms[r];
-            let mut rng = streams.stream("training_crowd.room", &[r as u64]);
+            let mut rng = streams.stream("training_crowd.room", &[(self.first + r) as u64]);
             rng.set_word_pos(u128::from(saved.position));
             let RenewalState { n_present, obstacles, steps_left, .. } = saved;
             room.renewal = Some(Renewal { n_present, obstacles, steps_left, rng });
@@ -110,7 +145,7 @@ impl Rooms {
         }
         for (i, saved) in state.agents.iter().enumerate() {
             let (r, a) = (i / self.n_agents, i % self.n_agents);
-            let indices = [r as u64, a as u64];
+            let indices = [(self.first + r) as u64, a as u64];
             let room = &mut self.rooms[r];
             room.world.set_pose(a, saved.pose);
             if let Some(drive) = &saved.drive {

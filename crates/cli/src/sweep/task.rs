@@ -9,6 +9,7 @@ use clap::Args;
 
 use super::plan::Plan;
 use super::spec::Task;
+use crate::crew::Crew;
 use crate::train::train;
 use jostle_runs::folder::is_run_folder;
 use jostle_runs::run_folder::{RunFolder, is_locked, latest_update};
@@ -95,7 +96,7 @@ pub(super) fn run(args: &TaskArgs) -> Result<()> {
     let mut care = plan.care(task)?;
     care.wait = args.wait;
     if !args.only_tests {
-        train(&config, &task.folder, true, &task.name, &care)?;
+        train(&config, &task.folder, true, &task.name, &care, &Crew::alone())?;
     } else if plan.evaluation.is_none() || !is_run_folder(&task.folder) {
         bail!(
             "{}: --only-tests: found {}, expected a plan with [evaluate] and a run that has begun",

@@ -9,10 +9,12 @@ use jostle_sim::SimError;
 use super::{Config, NetworkInputs};
 use crate::PpoError;
 
-/// Most transitions of one update: row numbers are 32 bits, and this many default observations are
-/// 6 GiB.
+/// Most transitions of one update in a shard: row numbers are 32 bits, and this many default
+/// observations are 6 GiB.
 const ROLLOUT_MAX: usize = 1 << 20;
-/// Most values in the observations of one update: 8 GiB.
+/// Most shards, each of which a machine of its own may have.
+const SHARDS_MAX: usize = 4096;
+/// Most values in the observations of one update in a shard: 8 GiB.
 const OBSERVATIONS_MAX: usize = 1 << 31;
 
 impl Config {
@@ -31,11 +33,13 @@ impl Config {
         within("n_behaviours", self.n_behaviours, 1, 1000)?;
         within("n_rooms", self.n_rooms, 1, 65_536)?;
         within("horizon", self.horizon, 1, 65_536)?;
-        if self.rollout_len() > ROLLOUT_MAX {
-            let expected = format!("at most {ROLLOUT_MAX} transitions (horizon · n_agents · n_rooms)");
-            return Err(refuse("horizon", format!("{} transitions an update", self.rollout_len()), expected));
+        self.check_shards()?;
+        let (rollout, of_shard) = (self.rollout_len(), self.rollout_len() / self.shards);
+        if of_shard > ROLLOUT_MAX {
+            let expected =
+                format!("at most {ROLLOUT_MAX} transitions (horizon · n_agents · n_rooms / shards)");
+            return Err(refuse("horizon", format!("{of_shard} transitions an update"), expected));
         }
-        let rollout = self.rollout_len();
         if self.minibatch == 0 || self.minibatch > rollout {
             let expected = format!("1 to {rollout} (horizon · n_agents · n_rooms)");
             return Err(refuse("minibatch", self.minibatch, expected));
@@ -54,11 +58,17 @@ impl Config {
         not_negative("diversity_margin", self.diversity_margin)?;
         self.sim.validate().map_err(|error| in_section("sim", error))?;
         self.training_crowd.validate().map_err(|error| in_section("training_crowd", error))?;
+        let n_maps = self.training_crowd.maps.len();
+        if n_maps > self.n_rooms {
+            let expected = format!("at most n_rooms = {}", self.n_rooms);
+            return Err(refuse("training_crowd.maps", format!("{n_maps} maps"), expected));
+        }
         self.check_population()?;
         self.check_view()?;
+        self.engine().validate().map_err(of_run)?;
         self.network_config().validate().map_err(in_network)?;
         // A network that is not valid has no length of its input.
-        let values = rollout.saturating_mul(self.network_config().input_len());
+        let values = of_shard.saturating_mul(self.network_config().input_len());
         if values > OBSERVATIONS_MAX {
             let expected = format!("at most {OBSERVATIONS_MAX} (transitions · length of an observation)");
             return Err(refuse("horizon", format!("{values} values an update"), expected));
@@ -68,6 +78,20 @@ impl Config {
 }
 
 impl Config {
+    /// Every shard has as many rooms as the others, and a row in every minibatch.
+    fn check_shards(&self) -> Result<(), PpoError> {
+        let Self { shards, n_rooms, minibatch, .. } = *self;
+        if !shards.is_power_of_two() || shards > SHARDS_MAX || !n_rooms.is_multiple_of(shards) {
+            let expected =
+                format!("a power of two of at most {SHARDS_MAX} of which n_rooms = {n_rooms} is a multiple");
+            return Err(refuse("shards", shards, expected));
+        }
+        if shards > 1 && minibatch < shards {
+            return Err(refuse("minibatch", minibatch, format!("at least {shards} (shards)")));
+        }
+        Ok(())
+    }
+
     fn check_population(&self) -> Result<(), PpoError> {
         within("population.past", self.population.past, 0, 64)?;
         within("population.past_every", self.population.past_every, 1, i64::MAX as u64)?;
@@ -129,6 +153,13 @@ fn in_network(error: PolicyError) -> PpoError {
     match error {
         PolicyError::Config { field: "beams", found, expected } => refuse("sim.laser.beams", found, expected),
         PolicyError::Config { field, found, expected } => refuse(format!("network.{field}"), found, expected),
+        other => PpoError::Policy(other),
+    }
+}
+
+fn of_run(error: PolicyError) -> PpoError {
+    match error {
+        PolicyError::Config { field, found, expected } => refuse(field, found, expected),
         other => PpoError::Policy(other),
     }
 }

@@ -119,7 +119,7 @@ fn apply(table: &mut Table, argument: &str) -> Result<Vec<String>, PpoError> {
 
 /// A TOML value, or a bare word as a string.
 fn parse_value(text: &str) -> Option<Value> {
-    let is_word = !text.is_empty() && text.chars().all(|c| c.is_alphanumeric() || "_-./".contains(c));
+    let is_word = !text.is_empty() && text.chars().all(|c| c.is_alphanumeric() || "_-./:".contains(c));
     match format!("value = {text}").parse::<Table>() {
         // A line break could smuggle in further keys.
         Ok(mut table) if table.len() == 1 => table.remove("value"),
