@@ -45,9 +45,9 @@ fn a_goal_seeker_with_mass_arrives_a_little_later() {
 
 #[test]
 fn a_robot_with_mass_observes_the_velocity_that_it_has() {
-    // Full speed ahead from rest, in an empty room. Wheels with μ = 0.5 give at most 4.9 m/s², so that
-    // a control period of 0.1 s, the first 0.02 s of it before the command is heeded, ends with at most
-    // 0.4 m/s.
+    // Full speed ahead from rest, in an empty room. Wheels with μ = 0.5 give at most 4.9 m/s², so
+    // that a control period of 0.1 s, the first 0.02 s of it before the command is heeded, ends
+    // with at most 0.4 m/s.
     let observed = |config: ArenaConfig| {
         let speeds = Mutex::new(Vec::new());
         let protocol = Protocol::new(ArenaConfig { n_agents: 1, ..config }, pools()).unwrap();
