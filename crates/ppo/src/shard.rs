@@ -4,6 +4,7 @@
 //! are for. What happens in a shard depends on no other: its rows go through the networks in
 //! batches of their own, and its random numbers come from streams of its own.
 
+use std::ops::Deref;
 use std::time::Instant;
 
 use jostle_diversity::cross_entropy::log_softmax_at;
@@ -83,6 +84,20 @@ impl Inputs {
     }
 }
 
+/// Indices of a random stream, kept without memory of their own: one is asked for in every step.
+pub(crate) struct Indices {
+    all: [u64; 3],
+    len: usize,
+}
+
+impl Deref for Indices {
+    type Target = [u64];
+
+    fn deref(&self) -> &[u64] {
+        &self.all[..self.len]
+    }
+}
+
 impl Shard {
     /// The shard of that number, with its rooms at their start.
     ///
@@ -116,9 +131,8 @@ impl Shard {
     }
 
     /// Indices of a random stream of this shard: these, and its number where there are others.
-    pub(crate) fn indices(&self, indices: [u64; 2]) -> Vec<u64> {
-        let number = (!self.is_only).then_some(self.number as u64);
-        indices.into_iter().chain(number).collect()
+    pub(crate) fn indices(&self, [first, second]: [u64; 2]) -> Indices {
+        Indices { all: [first, second, self.number as u64], len: if self.is_only { 2 } else { 3 } }
     }
 
     /// Appends to the rollout what all agents see now, as the networks read it.
