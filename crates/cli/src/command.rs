@@ -60,10 +60,6 @@ pub enum Command {
     Export(export::ExportArgs),
     /// Write the logs of runs as event files for TensorBoard.
     Tensorboard(tensorboard::TensorboardArgs),
-    /// Time messages between two processes of an MPI job.
-    #[cfg(feature = "mpi")]
-    #[command(hide = true)]
-    Messages(crate::mpi::MessagesArgs),
 }
 
 impl Command {
@@ -92,8 +88,6 @@ impl Command {
             Self::Doctor(args) => doctor::run(&args),
             Self::Config(args) => config::run(&args),
             Self::Tensorboard(args) => tensorboard::run(&args),
-            #[cfg(feature = "mpi")]
-            Self::Messages(args) => crate::mpi::time_messages(&args),
         }
     }
 }
