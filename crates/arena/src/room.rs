@@ -674,12 +674,15 @@ impl ArenaRoom {
     fn write_motion(&mut self, plan: &RoomPlan, body: usize) {
         let row_len = plan.config.sim.observation_len();
         let row = &mut self.observations[body * row_len..(body + 1) * row_len];
-        let goal = if body == ROBOT { self.goal } else { self.pedestrians[body - 1].goal };
-        // The robot's is what its odometry measures: of one that has mass, not what it was told.
-        let velocity = match self.motions[body] {
-            _ if body == ROBOT => self.velocity,
-            Motion::Drive { v, w } if self.stops[body].is_none() => [v, w],
-            _ => [0.0; 2],
+        let (goal, velocity) = if body == ROBOT {
+            // What its odometry measures: of a robot that has mass, not what it was told.
+            (self.goal, self.velocity)
+        } else {
+            let velocity = match self.motions[body] {
+                Motion::Drive { v, w } if self.stops[body].is_none() => [v, w],
+                _ => [0.0; 2],
+            };
+            (self.pedestrians[body - 1].goal, velocity)
         };
         self.observers[body].write_motion(self.world.pose(body), goal, velocity, row);
     }

@@ -269,15 +269,13 @@ impl Trainer {
 
     /// Lines 5–7: a rollout in every room.
     fn collect(&mut self, clock: &mut Clock) -> Result<(), PpoError> {
-        let Self { shards, config, streams, actor, population, update, .. } = self;
-        let (population, update) = (population.as_mut(), *update);
-        let mut by = Acting { config, streams, actor, population, update };
+        let (shards, mut by) = self.acting();
         for shard in shards {
             shard.rollout.clear();
-            for step in 0..config.horizon as u64 {
+            for step in 0..by.config.horizon as u64 {
                 shard.act(&mut by, step, clock)?;
             }
-            shard.observe(update)?;
+            shard.observe(by.update)?;
             shard.rollout.keep_learners();
         }
         Ok(())
@@ -285,10 +283,14 @@ impl Trainer {
 
     /// One step of every agent.
     pub(crate) fn act(&mut self, step: u64, clock: &mut Clock) -> Result<(), PpoError> {
-        let Self { shards, config, streams, actor, population, update, .. } = self;
-        let (population, update) = (population.as_mut(), *update);
-        let mut by = Acting { config, streams, actor, population, update };
+        let (shards, mut by) = self.acting();
         shards.iter_mut().try_for_each(|shard| shard.act(&mut by, step, clock))
+    }
+
+    /// The shards, and who acts in their rooms.
+    fn acting(&mut self) -> (&mut [Shard], Acting<'_>) {
+        let Self { shards, config, streams, actor, population, update, .. } = self;
+        (shards, Acting { config, streams, actor, population: population.as_mut(), update: *update })
     }
 
     /// Logits of q(z|s,a) and q(z|s) on the rollout of one of this process's shards.
@@ -655,4 +657,25 @@ impl UpdateContext<'_> {
 fn thread_pool(threads: usize) -> Result<Arc<ThreadPool>, PpoError> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     pool.map(Arc::new).map_err(|error| PpoError::Threads { threads, reason: error.to_string() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn explained_variance_of_simple_critics() {
+        let explained = |values: &[f64], returns: &[f64]| {
+            let errors: Vec<f64> = returns.iter().zip(values).map(|(to, value)| to - value).collect();
+            let alone = Ranks::new(Arc::new(Alone), 1).unwrap();
+            let [errors, returns] = moments(&alone, returns.len(), &[[&errors, returns]]).unwrap();
+            explained_variance(errors.variance, returns.variance)
+        };
+        let returns = [1.0, 2.0, 4.0];
+        assert_eq!(explained(&returns, &returns), 1.0);
+        assert_eq!(explained(&[7.0; 3], &returns), 0.0);
+        assert_eq!(explained(&[1.0, 2.0, 3.0], &[5.0; 3]), 0.0);
+        // Returns −1 … 1 about 10 vary by 2/3, the errors (−1, 0, 1)/2 by 1/6.
+        assert!((explained(&[9.5, 10.0, 10.5], &[9.0, 10.0, 11.0]) - 0.75).abs() < 1e-12);
+    }
 }

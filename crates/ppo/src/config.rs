@@ -407,9 +407,7 @@ impl Config {
         let mut named = self.clone();
         named.population = self.population.by_name();
         named.training_crowd = self.training_crowd.by_name();
-        if let Some(map) = &mut named.sim.room.map {
-            *map = map.file_name().map_or_else(|| map.clone(), Into::into);
-        }
+        named.sim.room = self.sim.room.by_name();
         named.hash_with_path()
     }
 

@@ -80,10 +80,7 @@ impl Rooms {
         n_behaviours: u32,
         streams: &Streams,
     ) -> Result<Self, SimError> {
-        if crowd.maps.len() > n_rooms {
-            let found = format!("{} maps", crowd.maps.len());
-            return Err(SimError::field("maps", found, format!("at most n_rooms = {n_rooms}")));
-        }
+        crowd.check_rooms(n_rooms)?;
         Self::part(config, crowd, 0..n_rooms, n_agents, n_behaviours, streams)
     }
 

@@ -209,6 +209,19 @@ impl TrainingCrowd {
         ]
     }
 
+    /// Checks that a run of so many rooms has one for each map.
+    ///
+    /// # Errors
+    ///
+    /// [`SimError::Field`] for `maps` when there are more of them.
+    pub fn check_rooms(&self, n_rooms: usize) -> Result<(), SimError> {
+        if self.maps.len() > n_rooms {
+            let found = format!("{} maps", self.maps.len());
+            return Err(SimError::field("maps", found, format!("at most n_rooms = {n_rooms}")));
+        }
+        Ok(())
+    }
+
     /// Checks every field.
     ///
     /// # Errors

@@ -528,7 +528,7 @@ fn with_kept<'p>(task: &'p Task, mut points: Vec<Point<'p>>, kept: Vec<Stored>) 
                 updates: row.updates,
                 transitions: row.transitions,
                 episodes: row.episodes,
-                measures: row.measures,
+                measures: Some(row.measures),
                 seconds: row.seconds,
                 tests: row.tests,
             });

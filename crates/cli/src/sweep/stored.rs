@@ -29,7 +29,7 @@ pub(super) struct Stored {
     pub(super) transitions: u64,
     pub(super) episodes: EpisodeCounts,
     /// As [`MEASURES`].
-    pub(super) measures: Option<[f64; MEASURES.len()]>,
+    pub(super) measures: [f64; MEASURES.len()],
     pub(super) seconds: f64,
     /// `None` where it was not tested.
     pub(super) tests: Option<Tests>,
@@ -111,7 +111,7 @@ fn stored(row: &BTreeMap<&str, &str>, heads: &[&str], task: &Task) -> Result<Opt
         updates,
         transitions: number(row, "transitions")?,
         episodes,
-        measures: Some(measures),
+        measures,
         seconds: number(row, "seconds")?,
         tests: (!tests.is_empty()).then_some(Tests(tests)),
     }))

@@ -57,12 +57,11 @@ impl Config {
         not_negative("alpha", self.alpha)?;
         not_negative("diversity_margin", self.diversity_margin)?;
         self.sim.validate().map_err(|error| in_section("sim", error))?;
-        self.training_crowd.validate().map_err(|error| in_section("training_crowd", error))?;
-        let n_maps = self.training_crowd.maps.len();
-        if n_maps > self.n_rooms {
-            let expected = format!("at most n_rooms = {}", self.n_rooms);
-            return Err(refuse("training_crowd.maps", format!("{n_maps} maps"), expected));
-        }
+        let crowd = &self.training_crowd;
+        crowd
+            .validate()
+            .and_then(|()| crowd.check_rooms(self.n_rooms))
+            .map_err(|error| in_section("training_crowd", error))?;
         self.check_population()?;
         self.check_view()?;
         self.engine().validate().map_err(of_run)?;

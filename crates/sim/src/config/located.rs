@@ -66,6 +66,13 @@ impl RoomConfig {
         room.map = self.map.as_ref().map(|map| self.folder.rename(map, &room.folder));
         room
     }
+
+    /// The room with the map's name only, which is the same on every machine.
+    #[must_use]
+    pub fn by_name(&self) -> Self {
+        let map = self.map.as_deref().map(name_of);
+        Self { map, folder: NamingFolder::default(), ..self.clone() }
+    }
 }
 
 impl TrainingCrowd {
@@ -93,10 +100,13 @@ impl TrainingCrowd {
     /// The crowd with the maps' names only, which are the same on every machine.
     #[must_use]
     pub fn by_name(&self) -> Self {
-        let name = |map: &PathBuf| map.file_name().map_or_else(|| map.clone(), PathBuf::from);
-        let maps = self.maps.iter().map(name).collect();
+        let maps = self.maps.iter().map(|map| name_of(map)).collect();
         Self { maps, folder: NamingFolder::default(), ..self.clone() }
     }
+}
+
+fn name_of(path: &Path) -> PathBuf {
+    path.file_name().map_or_else(|| path.to_owned(), PathBuf::from)
 }
 
 /// As [`real`], but for a link that the last part of the path names.
