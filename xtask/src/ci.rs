@@ -4,9 +4,9 @@
 //! once for checking and once for running. Every tool's own output stays visible; each step ends
 //! with one line of ours, with its time.
 //!
-//! Checks that need more than Rust are asked for by name (`--web`, `--python`, `--ros`, `--slurm`)
-//! and then run alone. The book needs mdBook, which cargo installs once; where that cannot be had,
-//! the step is skipped and says so: what the book claims is tested anyway.
+//! Checks that need more than Rust are asked for by name (`--web`, `--python`, `--ros`, `--slurm`,
+//! `--mpi`) and then run alone. The book needs mdBook, which cargo installs once; where that cannot
+//! be had, the step is skipped and says so: what the book claims is tested anyway.
 
 use std::path::Path;
 use std::process::{Command, ExitCode, Stdio};
@@ -15,7 +15,7 @@ use std::time::Instant;
 use anyhow::{Context as _, Result, ensure};
 use clap::Args;
 
-use crate::{cluster, python, ros};
+use crate::{cluster, python, ranks, ros};
 use jostle_runs::output;
 use jostle_runs::progress::clock;
 use jostle_runs::provenance::workspace;
@@ -26,7 +26,7 @@ use jostle_runs::tools::{self, MDBOOK};
 #[command(
     after_help = "Examples:\n  cargo xtask ci\n  cargo xtask ci --keep-going\n  cargo xtask ci --python\n  \
     cargo xtask ci --web --book\n\n\
-    Without --web, --book, --slurm, --python and --ros: format, lints, documentation, tests, doctests, sets of features, book. With them: these checks alone."
+    Without --web, --book, --slurm, --mpi, --python and --ros: format, lints, documentation, tests, doctests, sets of features, book. With them: these checks alone."
 )]
 #[expect(clippy::struct_excessive_bools, reason = "each is a flag of the command line")]
 pub(crate) struct CiArgs {
@@ -49,6 +49,11 @@ pub(crate) struct CiArgs {
     /// Debian they are installed.
     #[arg(long)]
     slurm: bool,
+    /// Build the program with MPI, make one run in one, two and four processes, end them in the
+    /// middle, and compare every file with those of a run of one process. Needs Open MPI and
+    /// clang's library; on Debian they are installed.
+    #[arg(long)]
+    mpi: bool,
     /// Check the ROS 2 node in ros/, and drive it in closed loops with rclpy and Cyclone DDS, which
     /// pip installs into target/.
     #[arg(long)]
@@ -187,6 +192,9 @@ fn checks(args: &CiArgs) -> Vec<Check<'static>> {
     }
     if args.slurm {
         checks.push(("slurm", Box::new(|| Ok(told(&cluster::check())))));
+    }
+    if args.mpi {
+        checks.push(("mpi", Box::new(|| Ok(told(&ranks::check())))));
     }
     if args.python {
         let steps = python::STEPS.iter();

@@ -1,9 +1,9 @@
 //! The checks of this repository, and the door to the program `jostle`: `cargo xtask ci | bench |
 //! train | reproduce …`.
 //!
-//! Reading order: [`cli`] (what can be asked for), [`ci`] with [`python`], [`wheel`], [`cluster`]
-//! (what has to hold before a change is good), [`chaos`] and [`fuzz`] (attempts to break what
-//! `docs/reliability.md` promises).
+//! Reading order: [`cli`] (what can be asked for), [`ci`] with [`python`], [`wheel`], [`cluster`],
+//! [`ranks`] (what has to hold before a change is good), [`chaos`] and [`fuzz`] (attempts to break
+//! what `docs/reliability.md` promises).
 
 #![forbid(unsafe_code)]
 
@@ -13,6 +13,7 @@ mod cli;
 mod cluster;
 mod fuzz;
 mod python;
+mod ranks;
 mod ros;
 mod wheel;
 

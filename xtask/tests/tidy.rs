@@ -5,6 +5,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 /// A line may break a rule where it, or the line before it, says why.
 const EXCUSE: &str = "tidy:";
@@ -196,6 +197,23 @@ fn there_is_one_version() {
         citation.lines().any(|line| line == format!("version: {version}")),
         "CITATION.cff: expected {version}"
     );
+}
+
+#[test]
+fn the_checks_and_the_workspace_share_what_they_build() {
+    // `cargo xtask` builds the package xtask, its tests build the workspace. A feature that only
+    // one of them turns on has its crate, and all that depend on it, built twice.
+    let built = |packages: &[&str]| -> BTreeSet<String> {
+        let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+        cargo.args(["tree", "--offline", "--edges", "normal,build", "--prefix", "none"]);
+        let output = cargo.args(["--format", "{p} {f}"]).args(packages).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let lines = String::from_utf8(output.stdout).unwrap();
+        lines.lines().map(|line| line.trim_end_matches(" (*)").to_owned()).collect()
+    };
+    let (checks, all) = (built(&["--package", "xtask"]), built(&["--workspace"]));
+    let twice: Vec<&String> = checks.difference(&all).collect();
+    assert!(checks.len() > 50 && twice.is_empty(), "built with other features: {twice:?}");
 }
 
 #[test]

@@ -60,6 +60,10 @@ pub enum Command {
     Export(export::ExportArgs),
     /// Write the logs of runs as event files for TensorBoard.
     Tensorboard(tensorboard::TensorboardArgs),
+    /// Time messages between two processes of an MPI job.
+    #[cfg(feature = "mpi")]
+    #[command(hide = true)]
+    Messages(crate::mpi::MessagesArgs),
 }
 
 impl Command {
@@ -88,6 +92,8 @@ impl Command {
             Self::Doctor(args) => doctor::run(&args),
             Self::Config(args) => config::run(&args),
             Self::Tensorboard(args) => tensorboard::run(&args),
+            #[cfg(feature = "mpi")]
+            Self::Messages(args) => crate::mpi::time_messages(&args),
         }
     }
 }

@@ -3,11 +3,15 @@
 //! All calls come from one thread at a time, but not from the one that began: that is what MPI
 //! calls "serialized".
 
+use std::process::ExitCode;
 use std::sync::Arc;
+use std::time::Instant;
 
 use anyhow::{Context as _, Result, ensure};
+use clap::Args;
 use jostle_ppo::PpoError;
 use jostle_ppo::ranks::Communicator;
+use jostle_runs::output;
 use mpi::Threading;
 use mpi::datatype::PartitionMut;
 use mpi::environment::Universe;
@@ -114,4 +118,39 @@ fn fitting(len: usize) -> Result<i32, PpoError> {
     i32::try_from(len).map_err(|_| PpoError::Ranks {
         reason: format!("found a message of {len} bytes, expected at most {}", i32::MAX),
     })
+}
+
+/// Arguments of `messages`.
+#[derive(Args)]
+pub struct MessagesArgs {
+    /// Bytes that both processes send at once, separated by commas.
+    #[arg(long, value_name = "N,…", value_delimiter = ',', required = true)]
+    bytes: Vec<usize>,
+    /// Exchanges of each size.
+    #[arg(long, value_name = "N", default_value_t = 200)]
+    rounds: usize,
+}
+
+/// Prints, for each number of bytes, the seconds of each exchange of two processes.
+pub(crate) fn time_messages(args: &MessagesArgs) -> Result<ExitCode> {
+    let session = Session::begin()?;
+    let ranks = session.ranks();
+    ensure!(ranks.size() == 2, "found {} processes, expected 2 (mpirun -n 2)", ranks.size());
+    let partner = 1 - ranks.rank();
+    for &bytes in &args.bytes {
+        let (own, mut theirs) = (vec![1; bytes], vec![0; bytes]);
+        let mut seconds = Vec::with_capacity(args.rounds);
+        // The first exchanges make connections.
+        for round in 0..args.rounds + 10 {
+            let start = Instant::now();
+            ranks.exchange(partner, &own, &mut theirs)?;
+            if round >= 10 {
+                seconds.push(start.elapsed().as_secs_f64());
+            }
+        }
+        if ranks.rank() == 0 {
+            output::result(&format!("{}\n", serde_json::to_string(&(bytes, seconds))?))?;
+        }
+    }
+    Ok(ExitCode::SUCCESS)
 }

@@ -5,7 +5,7 @@
 //! policies that a path means), [`shipped`] (files that come with the program), [`keys`] (a
 //! configuration's keys), [`changed`] (a room with some of them changed); [`provenance`] (which
 //! source made a result), [`stop`] (signals), [`output`] and [`progress`] (what is printed),
-//! [`maps`], [`threads`], [`tools`].
+//! [`maps`], [`threads`], [`tools`], [`debian`] (software that has to be installed).
 //!
 //! Architecture invariants: nothing here trains. [`folder`] and [`policies`], which the Python
 //! package uses, neither lock nor write, and their errors are [`RunsError`]s.
@@ -13,6 +13,7 @@
 #![forbid(unsafe_code)]
 
 pub mod changed;
+pub mod debian;
 pub mod error;
 pub mod folder;
 pub mod keys;

@@ -66,6 +66,8 @@ pub enum Axis {
     Updates(usize),
     /// Transitions from the first number to the second, on a logarithmic scale.
     Transitions(f64, f64),
+    /// Processes of a run from the first number to the second, on a logarithmic scale.
+    Ranks(f64, f64),
 }
 
 /// All that is drawn on one page.

@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, bail, ensure};
 
-use self::slurm::{Cluster, NODES};
+use self::slurm::{Cluster, NODES, SLURM};
 use crate::chaos::compare::differences;
 use jostle_runs::output::note;
 use jostle_runs::progress::clock;
@@ -40,7 +40,7 @@ const POLL: Duration = Duration::from_millis(50);
 
 /// Runs the check; what is different is said line by line.
 pub(crate) fn check() -> Result<()> {
-    slurm::install()?;
+    SLURM.install()?;
     let folder = target_folder().join(format!("slurm-{}", std::process::id()));
     std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
     let folder = folder.canonicalize().with_context(|| format!("cannot find {}", folder.display()))?;

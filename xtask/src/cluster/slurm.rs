@@ -13,12 +13,14 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, bail, ensure};
 
-use jostle_runs::output::note;
-use jostle_runs::tools::on_path;
+use jostle_runs::debian::{Software, find, program};
 
-/// Programs that are needed, and the Debian packages that have them.
-const PROGRAMS: [&str; 6] = ["slurmctld", "slurmd", "sbatch", "munged", "mungekey", "unshare"];
-const PACKAGES: [&str; 3] = ["slurm-wlm", "munge", "util-linux"];
+/// What is needed.
+pub(super) const SLURM: Software = Software {
+    name: "Slurm and munge",
+    programs: &["slurmctld", "slurmd", "sbatch", "munged", "mungekey", "unshare"],
+    packages: &["slurm-wlm", "munge", "util-linux"],
+};
 
 /// The nodes' names.
 pub(super) const NODES: [&str; 2] = ["n1", "n2"];
@@ -27,44 +29,6 @@ const PORT: u16 = 16_817;
 const NODE_PORT: u16 = 17_001;
 /// Longest wait for the nodes to be ready.
 const READY: Duration = Duration::from_mins(2);
-
-/// Makes sure that the programs are there; installs them where this is root on a Debian.
-pub(super) fn install() -> Result<()> {
-    let missing = || PROGRAMS.into_iter().filter(|name| find(name).is_none()).collect::<Vec<_>>().join(", ");
-    if missing().is_empty() {
-        return Ok(());
-    }
-    let packages = PACKAGES.join(" ");
-    ensure!(
-        on_path(&["apt-get"]).is_some(),
-        "{} not found; install Slurm and munge (on Debian: apt-get install {packages})",
-        missing()
-    );
-    note(&format!("installing {packages}"));
-    let install = Command::new("apt-get")
-        .args(["install", "--yes", "--quiet", "--no-install-recommends"])
-        .args(PACKAGES)
-        .env("DEBIAN_FRONTEND", "noninteractive")
-        .stdout(Stdio::null())
-        .status();
-    let installed = install.context("cannot start apt-get")?.success();
-    ensure!(
-        installed && missing().is_empty(),
-        "{} not found; as root: apt-get install {packages}",
-        missing()
-    );
-    Ok(())
-}
-
-/// A program on the path or among those of the system's administrator, which are not on everyone's
-/// path.
-fn find(name: &str) -> Option<PathBuf> {
-    on_path(&[name]).or_else(|| Some(Path::new("/usr/sbin").join(name)).filter(|path| path.is_file()))
-}
-
-fn program(name: &str) -> Command {
-    Command::new(find(name).unwrap_or_else(|| name.into()))
-}
 
 /// A running cluster; its processes end when it is dropped.
 pub(super) struct Cluster {

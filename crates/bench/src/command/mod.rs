@@ -1,13 +1,15 @@
 //! `cargo xtask bench`: what the figures of `docs/performance.md` are made by.
 //!
 //! Reading order: `machine` (under what conditions), `update`, `simulator`, `rollout`, `learning`
-//! and `evaluation` (ours alone), `peers` (ours and other software, taking turns), `worker` (our
-//! side of that).
+//! and `evaluation` (ours alone), `ranks` (one run in several processes), `gpu` (a GPU beside the
+//! processor), `peers` (ours and other software, taking turns), `worker` (our side of that).
 
 mod evaluation;
+mod gpu;
 mod learning;
 mod machine;
 mod peers;
+mod ranks;
 mod rollout;
 mod simulator;
 mod table;
@@ -38,6 +40,10 @@ enum What {
     Rollout(rollout::RolloutArgs),
     /// Transitions per second of training, and the time to a share of successes among its own kind.
     Learning(learning::LearningArgs),
+    /// A GPU beside the processor of this machine: equal losses, and transitions per second.
+    Gpu(gpu::GpuArgs),
+    /// One run in two processes beside one in one, and a model of many machines.
+    Ranks(ranks::RanksArgs),
     /// Time of cells of a table.
     Evaluation(evaluation::EvaluationArgs),
     /// Ours and other software on the same work, taking turns: PyTorch, IR-SIM, VMAS, RVO2, Stage.
@@ -54,6 +60,8 @@ pub fn run(args: &BenchArgs) -> Result<ExitCode> {
         What::Simulator(args) => simulator::run(args),
         What::Rollout(args) => rollout::run(args),
         What::Learning(args) => learning::run(args),
+        What::Gpu(args) => gpu::run(args),
+        What::Ranks(args) => ranks::run(args),
         What::Evaluation(args) => evaluation::run(args),
         What::Peers(args) => peers::run(args),
         What::Worker(args) => worker::run(args),

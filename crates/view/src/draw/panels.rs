@@ -40,6 +40,7 @@ impl Axis {
         match self {
             Self::Updates(n) => (0.0, (n as f64).max(1.0)),
             Self::Transitions(from, to) => (from.log10(), to.log10()),
+            Self::Ranks(from, to) => (from.log2(), to.log2()),
         }
     }
 
@@ -47,6 +48,7 @@ impl Axis {
         match self {
             Self::Updates(_) => x,
             Self::Transitions(..) => x.log10(),
+            Self::Ranks(..) => x.log2(),
         }
     }
 
@@ -54,6 +56,7 @@ impl Axis {
         match self {
             Self::Updates(_) => "updates",
             Self::Transitions(..) => "transitions (millions, logarithmic)",
+            Self::Ranks(..) => "ranks (logarithmic)",
         }
     }
 
@@ -65,6 +68,7 @@ impl Axis {
                 let millions = 10_f64.powf(drawn - 6.0);
                 if millions < 9.95 { format!("{millions:.1}") } else { format!("{millions:.0}") }
             }
+            Self::Ranks(..) => format!("{:.0}", drawn.exp2()),
         }
     }
 }
