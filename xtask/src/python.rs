@@ -11,15 +11,14 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use anyhow::{Context as _, Result, bail, ensure};
+use anyhow::{Context as _, Result, ensure};
 
 use crate::wheel;
 use jostle_runs::output;
 use jostle_runs::provenance::workspace;
+use jostle_runs::python::{PIP, environment, in_environment, pip, run_in};
 use jostle_runs::tools::{cargo, target_folder};
 
-/// Least version of Python, as in `pyproject.toml`.
-const LEAST: (u32, u32) = (3, 11);
 /// Torch without CUDA, 200 MB instead of 3 GB.
 const TORCH_INDEX: &str = "https://download.pytorch.org/whl/cpu";
 /// The environment of tools and of what the tests need.
@@ -129,82 +128,10 @@ fn run(command: &mut Command) -> Result<bool> {
     run_in(workspace(), command)
 }
 
-/// Runs a program in a folder; whether it succeeded.
-pub(crate) fn run_in(folder: &Path, command: &mut Command) -> Result<bool> {
-    let program = command.get_program().to_string_lossy().into_owned();
-    let status = command.current_dir(folder).status().with_context(|| format!("cannot start {program}"))?;
-    Ok(status.success())
-}
-
-/// A virtual environment below `target/` by its name, made where there is none.
-pub(crate) fn environment(name: &str) -> Result<PathBuf> {
-    let folder = std::path::absolute(target_folder().join(name))?;
-    if !in_environment(&folder, "python").exists() {
-        let made = run(Command::new(system_python()?).args(["-m", "venv"]).arg(&folder))?;
-        ensure!(made, "{}: Python cannot make an environment", folder.display());
-    }
-    Ok(folder)
-}
-
-/// Installs packages into an environment.
-pub(crate) fn pip(environment: &Path, packages: &[&str]) -> Result<bool> {
-    run(Command::new(in_environment(environment, "python")).args(PIP).args(packages))
-}
-
-/// pip, which says nothing unless something is wrong.
-const PIP: [&str; 5] = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check"];
-
 /// The folder in which an environment keeps its packages.
 fn packages(environment: &Path) -> Result<PathBuf> {
     let script = "import sysconfig; print(sysconfig.get_path('purelib'))";
     let answer = Command::new(in_environment(environment, "python")).args(["-c", script]).output()?;
     ensure!(answer.status.success(), "{}: Python does not start", environment.display());
     Ok(PathBuf::from(String::from_utf8(answer.stdout)?.trim()))
-}
-
-/// A program of an environment.
-pub(crate) fn in_environment(environment: &Path, program: &str) -> PathBuf {
-    let folder = if cfg!(windows) { "Scripts" } else { "bin" };
-    environment.join(folder).join(program).with_extension(std::env::consts::EXE_EXTENSION)
-}
-
-/// A Python that is new enough: the one that the variable PYTHON names, else the first on the path.
-pub(crate) fn system_python() -> Result<PathBuf> {
-    let named = std::env::var_os("PYTHON").map(PathBuf::from);
-    let candidates = named.map_or_else(|| vec!["python3".into(), "python".into()], |python| vec![python]);
-    let mut found = Vec::new();
-    for python in candidates {
-        match version(&python) {
-            Some(version) if version >= LEAST => return Ok(python),
-            Some((major, minor)) => found.push(format!("{} {major}.{minor}", python.display())),
-            None => {}
-        }
-    }
-    let found = if found.is_empty() { "none".to_owned() } else { found.join(", ") };
-    bail!("Python: found {found}, expected {}.{} or newer on the path or in PYTHON", LEAST.0, LEAST.1)
-}
-
-fn version(python: &Path) -> Option<(u32, u32)> {
-    let script = "import sys; print(*sys.version_info[:2])";
-    let answer = Command::new(python).args(["-c", script]).output().ok()?;
-    let text = String::from_utf8(answer.stdout).ok()?;
-    let (major, minor) = text.trim().split_once(' ')?;
-    Some((major.parse().ok()?, minor.parse().ok()?))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_is_no_python_has_no_version() {
-        assert_eq!(version(Path::new("/nonexistent/python")), None);
-        assert_eq!(version(Path::new("echo")), None);
-    }
-
-    #[test]
-    fn the_least_version_is_the_packages() {
-        let project = std::fs::read_to_string(workspace().join("pyproject.toml")).unwrap();
-        assert!(project.contains(&format!("requires-python = \">={}.{}\"", LEAST.0, LEAST.1)));
-    }
 }

@@ -11,9 +11,10 @@ use std::process::Command;
 
 use anyhow::{Context as _, Result};
 
-use crate::python::{Work, run_in, system_python};
+use crate::python::Work;
 use jostle_runs::output;
 use jostle_runs::provenance::workspace;
+use jostle_runs::python::{run_in, system_python};
 use jostle_runs::tools::{self, target_folder};
 
 /// Packages that pip installs. The first four are unofficial builds of ROS 2 Kilted, good for

@@ -11,10 +11,10 @@ use std::process::{Command, ExitCode};
 use anyhow::{Context as _, Result, ensure};
 use clap::Args;
 
-use crate::python::{environment, in_environment, pip, run_in};
 use jostle_runs::folder::sorted;
 use jostle_runs::output;
 use jostle_runs::provenance::workspace;
+use jostle_runs::python::{environment, in_environment, pip, run_in};
 use jostle_runs::tools::target_folder;
 
 /// The C library that the wheel asks for, at most.

@@ -5,7 +5,7 @@
 //! policies that a path means), [`shipped`] (files that come with the program), [`keys`] (a
 //! configuration's keys), [`changed`] (a room with some of them changed); [`provenance`] (which
 //! source made a result), [`stop`] (signals), [`output`] and [`progress`] (what is printed),
-//! [`maps`], [`threads`], [`tools`], [`debian`] (software that has to be installed).
+//! [`maps`], [`threads`], [`tools`], [`debian`] and [`python`] (software that has to be installed).
 //!
 //! Architecture invariants: nothing here trains. [`folder`] and [`policies`], which the Python
 //! package uses, neither lock nor write, and their errors are [`RunsError`]s.
@@ -25,6 +25,7 @@ pub mod pace;
 pub mod policies;
 pub mod progress;
 pub mod provenance;
+pub mod python;
 pub mod run_folder;
 pub mod shipped;
 pub mod stop;
