@@ -4,6 +4,7 @@
 - :class:`VectorRooms`: many such rooms, stepped in one call on all cores.
 - :func:`parallel_env`: several robots in one room, for PettingZoo.
 - :func:`evaluate`: any policy in the test's episodes, with intervals.
+- :class:`PeerRoom`: the test's episodes for a robot that another simulator moves.
 - :func:`leaderboard_entry`: any policy on the leaderboard's scenes, as an entry of it.
 - :class:`Policy`: a policy that jostle trained.
 - :func:`planner`: a robot that nobody trained, by its name.
@@ -28,6 +29,7 @@ from ._evaluation import Evaluation, evaluate
 from ._jostle import __version__
 from ._leaderboard import leaderboard_entry
 from ._keywords import Setting, StrPath
+from ._peer import Obstacle, PeerRoom
 from ._planner import PLANNERS, Planner, planner
 from ._policy import Policy
 from ._scan import scan_to_row
@@ -41,6 +43,8 @@ __all__ = [
     "PLANNERS",
     "VALIDATION_CROWDS",
     "Evaluation",
+    "Obstacle",
+    "PeerRoom",
     "Planner",
     "Policy",
     "RoomEnv",

@@ -1,6 +1,6 @@
 """The Rust side. Arrays are C-contiguous and of the types given; those called by the names of results are written into."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Self, final
 
 import numpy as np
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ._keywords import Keywords
 
-__all__ = ["CrowdRooms", "Planner", "Policy", "RobotRoom", "__version__", "evaluate", "evaluate_planner", "evaluate_policy", "notes"]
+__all__ = ["CrowdRooms", "PeerRoom", "Planner", "Policy", "RobotRoom", "__version__", "evaluate", "evaluate_planner", "evaluate_policy", "notes"]
 
 __version__: str
 
@@ -78,6 +78,44 @@ class RobotRoom:
     def step(
         self, actions: NDArray[np.float32], observations: NDArray[np.float32]
     ) -> list[tuple[int, float, bool, bool, dict[str, Any]]]: ...
+
+@final
+class PeerRoom:
+    def __new__(cls, keywords: Keywords, respawn_clearance: float | None) -> Self: ...
+    @property
+    def dt(self) -> float: ...
+    @property
+    def step_limit(self) -> int: ...
+    @property
+    def goal_radius(self) -> float: ...
+    @property
+    def crash_range(self) -> float: ...
+    @property
+    def laser_range(self) -> float: ...
+    @property
+    def beam_angles(self) -> list[float]: ...
+    @property
+    def limits(self) -> list[float]: ...
+    @property
+    def body(self) -> list[float]: ...
+    @property
+    def observation_len(self) -> int: ...
+    @property
+    def settings_hash(self) -> str: ...
+    @property
+    def walls(self) -> list[list[float]]: ...
+    @property
+    def obstacles(self) -> list[tuple[str, list[list[float]]]]: ...
+    def begin(self, seed: int, episode: int) -> tuple[list[float], list[float], list[list[float]]]: ...
+    def pedestrians(self) -> list[list[float]]: ...
+    def walk(self) -> list[list[float]]: ...
+    def observe(
+        self,
+        pose: Sequence[float],
+        velocity: Sequence[float],
+        ranges: NDArray[np.float32],
+        observations: NDArray[np.float32],
+    ) -> None: ...
 
 @final
 class Policy:

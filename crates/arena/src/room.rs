@@ -1,7 +1,8 @@
 //! One test room: a robot (body 0) among pedestrians (bodies 1 …), for one episode.
 //!
 //! Reading order: [`ArenaRoom::new`] (spawn), [`ArenaRoom::step`] (a control period, in the order
-//! of its calls); `live` (a room that someone changes while it runs).
+//! of its calls); `live` (a room that someone changes while it runs), `elsewhere` (a room whose
+//! robot another simulator moves).
 //!
 //! The robot may have mass (`sim.robot.dynamics`); pedestrians walk as they will, as people do.
 //!
@@ -9,6 +10,7 @@
 //! k starts the same in every crowd, for every policy and at any lock step. What pedestrians draw
 //! later (goals, re-spawns) has a stream for each pedestrian.
 
+mod elsewhere;
 mod live;
 
 use glam::Vec2;
@@ -425,6 +427,14 @@ impl ArenaRoom {
         if let Some(outcome) = self.outcome(plan) {
             return Ok(Some(self.finished(plan, outcome)));
         }
+        self.renew_pedestrians(plan);
+        self.observe(plan, ROBOT);
+        self.observe_pedestrians(plan);
+        Ok(None)
+    }
+
+    /// New goals and places for the pedestrians that need them, and the next step of all gaits.
+    fn renew_pedestrians(&mut self, plan: &RoomPlan) {
         // Recorded people neither crash nor get new goals.
         let n_driven = if self.playback.is_some() { 1 } else { self.motions.len() };
         let crashed: Vec<bool> = (1..n_driven).map(|body| self.has_crashed(plan, body)).collect();
@@ -432,7 +442,11 @@ impl ArenaRoom {
             self.renew_pedestrian(plan, i, crashed);
         }
         self.advance_gaits(plan);
-        for body in 0..self.observers.len() {
+    }
+
+    /// The rows of the pedestrians that sense.
+    fn observe_pedestrians(&mut self, plan: &RoomPlan) {
+        for body in 1..self.observers.len() {
             self.observe(plan, body);
         }
         for body in 1..self.motions.len() {
@@ -440,7 +454,6 @@ impl ArenaRoom {
                 self.observe_first(plan, body);
             }
         }
-        Ok(None)
     }
 
     /// The robot's observation in the state that ended its episode, which a value after a cut-off
@@ -460,6 +473,26 @@ impl ArenaRoom {
         let command = clip_action(action, &sim.robot);
         let executed = apply_limits(self.velocity, command, sim.robot.acceleration.as_ref(), dt);
         self.motions[ROBOT] = Motion::Drive { v: executed[0], w: executed[1] };
+        self.set_walks(plan, walks);
+        let start = self.world.pose(ROBOT);
+        let heading = start.direction();
+        self.advance_bodies(dt);
+        let commanded = if self.stops[ROBOT].is_some() { [0.0; 2] } else { executed };
+        self.velocity = self.world.measured(ROBOT).unwrap_or(commanded);
+        // Not the distance of the positions: in f32 their rounding adds up to 1e-5 m over an
+        // episode, and the way would exceed what the speed allows. (A robot that has mass goes as
+        // it goes.)
+        self.path_length += if self.world.measured(ROBOT).is_some() {
+            self.world.pose(ROBOT).position.as_dvec2().distance(start.position.as_dvec2())
+        } else {
+            f64::from(self.velocity[0].abs()) * plan.scale.dt
+        };
+        self.measure(plan, heading);
+        Ok(())
+    }
+
+    /// What the crowd wants, but for those that stand by the scene's will.
+    fn set_walks(&mut self, plan: &RoomPlan, walks: &[Command]) {
         for (motion, walk) in self.motions[1..].iter_mut().zip(walks) {
             *motion = match *walk {
                 Command::Walk { velocity } => Motion::Walk { velocity },
@@ -471,22 +504,14 @@ impl ArenaRoom {
                 self.motions[i + 1] = Motion::Still;
             }
         }
-        let start = self.world.pose(ROBOT);
-        let heading = start.direction();
+    }
+
+    /// Executes the motions, and tells the pedestrians where they are then.
+    fn advance_bodies(&mut self, dt: f32) {
         let directions: Vec<Vec2> =
             (1..self.motions.len()).map(|body| self.world.pose(body).direction()).collect();
         self.world.advance_to_stops(&self.motions, dt, &mut self.stops);
         self.steps += 1;
-        let commanded = if self.stops[ROBOT].is_some() { [0.0; 2] } else { executed };
-        self.velocity = self.world.measured(ROBOT).unwrap_or(commanded);
-        // Not the distance of the positions: in f32 their rounding adds up to 1e-5 m over an
-        // episode, and the way would exceed what the speed allows. (A robot that has mass goes as
-        // it goes.)
-        self.path_length += if self.world.measured(ROBOT).is_some() {
-            self.world.pose(ROBOT).position.as_dvec2().distance(start.position.as_dvec2())
-        } else {
-            f64::from(self.velocity[0].abs()) * plan.scale.dt
-        };
         for (i, pedestrian) in self.pedestrians.iter_mut().enumerate() {
             let pose = self.world.pose(i + 1);
             pedestrian.position = pose.position;
@@ -498,8 +523,6 @@ impl ArenaRoom {
             };
         }
         self.play_back();
-        self.measure(plan, heading);
-        Ok(())
     }
 
     /// Puts recorded people where they were at this step, whoever is in the way.
@@ -535,10 +558,16 @@ impl ArenaRoom {
 
     /// Noise-free scans of the robot and of those pedestrians whose scan is needed.
     fn scan_all(&mut self, plan: &RoomPlan) {
-        let needs_all = plan.senses_by_laser || plan.crash() == PedestrianCrash::Scan;
-        let n_scans = if needs_all { self.motions.len() } else { 1 };
-        for body in 0..n_scans {
-            self.scan(plan, body);
+        self.scan(plan, ROBOT);
+        self.scan_pedestrians(plan);
+    }
+
+    /// The scans of those pedestrians who need one.
+    fn scan_pedestrians(&mut self, plan: &RoomPlan) {
+        if plan.senses_by_laser || plan.crash() == PedestrianCrash::Scan {
+            for body in 1..self.motions.len() {
+                self.scan(plan, body);
+            }
         }
     }
 

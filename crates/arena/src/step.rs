@@ -72,6 +72,22 @@ impl RoomStepper {
         rooms.par_iter_mut().enumerate().map(step).collect()
     }
 
+    /// Moves the pedestrians of a room whose robot moves elsewhere ([`ArenaRoom::walk`]).
+    ///
+    /// # Errors
+    ///
+    /// Refusals of the crowd.
+    pub fn walk(
+        &mut self,
+        plan: &RoomPlan,
+        crowd: &mut dyn Crowd,
+        room: &mut ArenaRoom,
+    ) -> Result<(), ArenaError> {
+        self.decide(plan, crowd, std::slice::from_ref(room))?;
+        room.walk(plan, &self.commands);
+        Ok(())
+    }
+
     /// Lets the crowd decide for all rooms at once, with the robot in view if its pedestrians see
     /// it.
     fn decide(

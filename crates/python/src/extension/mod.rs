@@ -1,8 +1,8 @@
 //! The classes and functions of the Python module `jostle._jostle`.
 //!
-//! Reading order: [`crowd_rooms`], [`robot_room`], [`evaluate`], [`board`], [`policy`],
-//! [`planner`]; [`arguments`] holds what they share. Every array is Python's, C-contiguous and of
-//! the type that is asked for; the Python side sees to both.
+//! Reading order: [`crowd_rooms`], [`robot_room`], [`peer_room`], [`evaluate`], [`board`],
+//! [`policy`], [`planner`]; [`arguments`] holds what they share. Every array is Python's,
+//! C-contiguous and of the type that is asked for; the Python side sees to both.
 
 #![allow(
     clippy::needless_pass_by_value,
@@ -14,6 +14,7 @@ mod arguments;
 mod board;
 mod crowd_rooms;
 mod evaluate;
+mod peer_room;
 mod planner;
 mod policy;
 mod robot_room;
@@ -31,6 +32,8 @@ mod _jostle {
     use super::crowd_rooms::PyCrowdRooms;
     #[pymodule_export]
     use super::evaluate::{evaluate, evaluate_planner, evaluate_policy, notes};
+    #[pymodule_export]
+    use super::peer_room::PyPeerRoom;
     #[pymodule_export]
     use super::planner::PyPlanner;
     #[pymodule_export]
