@@ -58,6 +58,22 @@ struct Line {
     driving: Option<Driving>,
 }
 
+impl Line {
+    fn new(outcome: Outcome, steps: u64, metrics: &EpisodeMetrics, driving: Option<Driving>) -> Self {
+        Self {
+            outcome,
+            steps,
+            path: rounded(metrics.path_length),
+            straight: rounded(metrics.straight_distance),
+            driving: driving.map(|driving| Driving {
+                min_clearance: driving.min_clearance.map(rounded),
+                mean_squared_jerk: rounded(driving.mean_squared_jerk),
+                ..driving
+            }),
+        }
+    }
+}
+
 /// The first line of a file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -72,6 +88,27 @@ pub struct CompactHead {
     pub scale: MetricScale,
     /// Number of episodes.
     pub episodes: u64,
+    /// The other simulator that ran them; left out where it was ours.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub simulator: Option<Simulator>,
+}
+
+/// Another simulator, and what it ran with.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Simulator {
+    /// Its name.
+    pub name: String,
+    /// Its version.
+    pub version: String,
+    /// Version of the robot and the room that were made for it.
+    pub model: u32,
+    /// SHA-256 of the program that made them.
+    pub driver: String,
+    /// Version of numpy.
+    pub numpy: String,
+    /// Version of Python.
+    pub python: String,
 }
 
 /// A cell with its episodes.
@@ -86,20 +123,29 @@ pub struct CompactCell {
 impl CompactCell {
     /// The small form of records.
     pub fn new(key: CellKey, policy: PolicyIdentity, scale: MetricScale, records: &[EpisodeRecord]) -> Self {
-        let line = |record: &EpisodeRecord| Line {
-            outcome: record.outcome,
-            steps: record.steps,
-            path: rounded(record.metrics.path_length),
-            straight: rounded(record.metrics.straight_distance),
-            driving: record.driving.map(|driving| Driving {
-                min_clearance: driving.min_clearance.map(rounded),
-                mean_squared_jerk: rounded(driving.mean_squared_jerk),
-                ..driving
-            }),
-        };
+        let line =
+            |record: &EpisodeRecord| Line::new(record.outcome, record.steps, &record.metrics, record.driving);
         let format = FORMAT.to_owned();
-        let head = CompactHead { format, key, policy, scale, episodes: records.len() as u64 };
+        let episodes = records.len() as u64;
+        let head = CompactHead { format, key, policy, scale, episodes, simulator: None };
         Self { head, lines: records.iter().map(line).collect() }
+    }
+
+    /// The small form of episodes that another simulator ran, each with its number of steps.
+    pub fn simulated(
+        key: CellKey,
+        policy: PolicyIdentity,
+        scale: MetricScale,
+        simulator: Simulator,
+        episodes: &[(CompactEpisode, u64)],
+    ) -> Self {
+        let lines = episodes
+            .iter()
+            .map(|(episode, steps)| Line::new(episode.outcome, *steps, &episode.metrics, episode.driving));
+        let lines: Vec<Line> = lines.collect();
+        let (format, episodes) = (FORMAT.to_owned(), lines.len() as u64);
+        let head = CompactHead { format, key, policy, scale, episodes, simulator: Some(simulator) };
+        Self { head, lines }
     }
 
     /// The first `count` episodes.
@@ -290,6 +336,26 @@ mod tests {
         assert_eq!((episodes[1].driving.unwrap().min_clearance, episodes[2].driving), (None, None));
         let success = episodes[0].metrics;
         assert!((success.extra_time.unwrap() - 9.466_666_7).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_cell_of_another_simulator_names_it() {
+        let own = cell();
+        let simulator = Simulator {
+            name: "mujoco".to_owned(),
+            version: "4.0.0".to_owned(),
+            model: 1,
+            driver: "d".to_owned(),
+            numpy: "2.0.0".to_owned(),
+            python: "3.11.0".to_owned(),
+        };
+        let CompactHead { key, policy, scale, .. } = own.head.clone();
+        let episodes: Vec<_> = own.episodes(4).into_iter().map(|episode| (episode, 123)).collect();
+        let found = CompactCell::simulated(key, policy, scale, simulator.clone(), &episodes);
+        let read = CompactCell::parse(&found.text()).unwrap();
+        assert_eq!((read.head.simulator.as_ref(), &read.lines), (Some(&simulator), &own.lines));
+        assert!(found.text().contains(r#""simulator":{"name":"mujoco","#));
+        assert!(!own.text().contains("simulator"), "cells of before stay as they are");
     }
 
     #[test]
