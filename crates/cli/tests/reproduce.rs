@@ -256,10 +256,17 @@ fn everything_is_reproduced_from_shipped_policies() {
         "not tested",
         "figure-loss.csv",
         "figure-paths.csv",
+        "cargo xtask reproduce table5 --mujoco runs what is missing",
     ] {
         assert!(printed.contains(part), "no {part:?} in\n{printed}");
     }
     let results = shipped.folder.join("everything");
+    let dynamics = fs::read_to_string(results.join("dynamics.csv")).unwrap();
+    assert!(dynamics.lines().any(|line| line.contains("mujoco")), "{dynamics}");
+    for cell in fs::read_dir(results.join("cells")).unwrap() {
+        let head = fs::read_to_string(cell.unwrap().path()).unwrap();
+        assert!(!head.contains("simulator"), "none but our own without --mujoco");
+    }
     let claims: serde_json::Value =
         serde_json::from_str(&fs::read_to_string(results.join("claims.json")).unwrap()).unwrap();
     let headline = &claims[0];
@@ -375,6 +382,7 @@ fn a_damaged_folder_is_refused_in_one_line() {
         &["pool-seed101-000004.safetensors", "seed: found 1, the manifest has 101"],
     );
     refused(&["reproduce", "table2", "--preset", "small"], &["--preset small"]);
+    refused(&["reproduce", "table2", "--mujoco"], &["--mujoco: found Table2, expected table5 or all"]);
     refused(&["reproduce", "table1", "--rows", "m10"], &["--train"]);
     refused(&["reproduce", "table1", "--train", "--rows", "m7"], &["--rows: found m7", "m10"]);
 }

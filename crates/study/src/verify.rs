@@ -154,7 +154,7 @@ fn results(folder: &std::path::Path, checkpoints: &std::path::Path) -> Result<()
     let is_shipped = |sha256: &String| {
         planners.contains(sha256) || manifest.policies.iter().any(|policy| policy.sha256 == *sha256)
     };
-    let (mut count, mut episodes) = (0, 0);
+    let (mut count, mut episodes, mut elsewhere) = (0, 0, 0);
     for entry in std::fs::read_dir(&cells).with_context(|| format!("cannot list {}", cells.display()))? {
         let path = entry?.path();
         let cell = CompactCell::read(&path)?;
@@ -180,9 +180,12 @@ fn results(folder: &std::path::Path, checkpoints: &std::path::Path) -> Result<()
         }
         count += 1;
         episodes += cell.head.episodes;
+        elsewhere += usize::from(cell.head.simulator.is_some());
     }
+    let others =
+        if elsewhere > 0 { format!(" (with --mujoco also {elsewhere} of MuJoCo)") } else { String::new() };
     output::result(&format!(
-        "{count} cells, {episodes} episodes; `{} reproduce all --fresh` runs them again and compares\n",
+        "{count} cells, {episodes} episodes; `{} reproduce all --fresh` runs them again and compares{others}\n",
         output::program()
     ))?;
     let board = leaderboard::default_folder(folder);

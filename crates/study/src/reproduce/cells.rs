@@ -8,10 +8,12 @@ use anyhow::{Context as _, Result, bail};
 use jostle_arena::Driver;
 use jostle_arena::identity::short;
 use jostle_arena::room::{RoomPlan, metric_scale};
+use jostle_eval::cell::CellKey;
 use jostle_eval::compact::CompactCell;
 use jostle_eval::protocol::{Protocol, Subject};
 use jostle_peds::CrowdKind;
 
+use super::mujoco::{self, Mujoco, Pilot};
 use jostle_runs::output::note;
 use jostle_runs::progress::Progress;
 use jostle_runs::run_folder::write_atomically;
@@ -21,6 +23,8 @@ pub(crate) struct Cells {
     folder: PathBuf,
     /// Run also what is stored, and compare.
     fresh: bool,
+    /// Runs cells in MuJoCo; where it is not installed, they are read.
+    mujoco: Option<Mujoco>,
     /// Cells that this store has run, which are not run twice.
     ran: BTreeSet<PathBuf>,
     /// Cells that were run and were not stored before.
@@ -42,9 +46,9 @@ pub(crate) struct Wanted<'a> {
 
 impl Cells {
     /// A store in a folder, which is made.
-    pub(crate) fn open(folder: PathBuf, fresh: bool) -> Result<Self> {
+    pub(crate) fn open(folder: PathBuf, fresh: bool, mujoco: Option<Mujoco>) -> Result<Self> {
         std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
-        Ok(Self { folder, fresh, ran: BTreeSet::new(), new: 0, same: 0, read: 0 })
+        Ok(Self { folder, fresh, mujoco, ran: BTreeSet::new(), new: 0, same: 0, read: 0 })
     }
 
     /// A cell with at least the episodes asked for.
@@ -56,16 +60,10 @@ impl Cells {
         let identity = driver.identity();
         let subject = Subject { identity: &identity, token };
         let key = protocol.key(subject, crowd);
-        let path = self.folder.join(format!("{crowd}-z{token}-{}.txt", short(&key.hash())));
-        let stored = path.exists().then(|| CompactCell::read(&path)).transpose()?;
-        if let Some(stored) = &stored {
-            if stored.head.key != key {
-                bail!("{}: holds another cell ({})", path.display(), short(&stored.head.key.hash()));
-            }
-            if stored.head.episodes >= episodes && (!self.fresh || self.ran.contains(&path)) {
-                self.read += 1;
-                return Ok(stored.clone());
-            }
+        let path = self.path(&key);
+        let stored = stored_cell(&path, &key)?;
+        if let Some(stored) = self.usable(&path, stored.as_ref(), episodes, self.fresh) {
+            return Ok(stored);
         }
         let mut robot = driver.robot(token, &RoomPlan::new(protocol.config(), crowd)?)?;
         let label = format!("{}, z = {token}, {crowd}", identity.name);
@@ -75,14 +73,62 @@ impl Cells {
             .with_context(|| label.clone())?;
         progress.finish(&format!("success {:.2}", run.result.summary.success_rate.unwrap_or(0.0)));
         let cell = CompactCell::new(key, identity.clone(), metric_scale(protocol.config()), &run.records);
+        self.keep(path, stored, &cell)?;
+        Ok(cell)
+    }
+
+    /// As [`Self::get`], in MuJoCo; `None` where the cell is not stored and MuJoCo not installed.
+    pub(crate) fn get_in_mujoco(
+        &mut self,
+        wanted: &Wanted<'_>,
+        pilot: Pilot<'_>,
+    ) -> Result<Option<CompactCell>> {
+        let Wanted { protocol, driver, token, crowd, episodes } = *wanted;
+        let identity = driver.identity();
+        let own = protocol.key(Subject { identity: &identity, token }, crowd);
+        let key = mujoco::key(&own);
+        let path = self.path(&key);
+        let stored = stored_cell(&path, &key)?;
+        let again = self.fresh && self.mujoco.is_some();
+        if let Some(stored) = self.usable(&path, stored.as_ref(), episodes, again) {
+            return Ok(Some(stored));
+        }
+        let Some(mujoco) = &self.mujoco else { return Ok(None) };
+        let cell = mujoco.run(protocol, pilot, (&own, &identity), episodes)?;
+        self.keep(path, stored, &cell)?;
+        Ok(Some(cell))
+    }
+
+    fn path(&self, key: &CellKey) -> PathBuf {
+        self.folder.join(format!("{}-z{}-{}.txt", key.crowd, key.token, short(&key.hash())))
+    }
+
+    /// A stored cell with enough episodes, unless it is to be run again.
+    fn usable(
+        &mut self,
+        path: &Path,
+        stored: Option<&CompactCell>,
+        episodes: u64,
+        again: bool,
+    ) -> Option<CompactCell> {
+        let stored = stored.filter(|stored| stored.head.episodes >= episodes)?;
+        if again && !self.ran.contains(path) {
+            return None;
+        }
+        self.read += 1;
+        Some(stored.clone())
+    }
+
+    /// Stores what was run, or compares it with what is stored.
+    fn keep(&mut self, path: PathBuf, stored: Option<CompactCell>, cell: &CompactCell) -> Result<()> {
         if let Some(stored) = stored {
-            self.compare(&path, &stored, &cell)?;
+            self.compare(&path, &stored, cell)?;
         } else {
             self.new += 1;
             write_atomically(&path, &cell.text())?;
         }
         self.ran.insert(path);
-        Ok(cell)
+        Ok(())
     }
 
     /// A stored cell must be the beginning of the new one, or the other way round; the longer one
@@ -105,7 +151,7 @@ impl Cells {
         }
         self.same += 1;
         // What was stored before there were values of driving gets them.
-        let gains = old.iter().any(|episode| episode.driving.is_none());
+        let gains = old.iter().zip(&new).any(|(old, new)| old.driving.is_none() && new.driving.is_some());
         if cell.head.episodes > stored.head.episodes || (gains && shared as u64 == stored.head.episodes) {
             write_atomically(path, &cell.text())?;
         }
@@ -120,4 +166,13 @@ impl Cells {
             self.folder.display()
         ));
     }
+}
+
+/// The cell of a file, if there is one.
+fn stored_cell(path: &Path, key: &CellKey) -> Result<Option<CompactCell>> {
+    let stored = path.exists().then(|| CompactCell::read(path)).transpose()?;
+    if let Some(other) = stored.as_ref().filter(|stored| stored.head.key != *key) {
+        bail!("{}: holds another cell ({})", path.display(), short(&other.head.key.hash()));
+    }
+    Ok(stored)
 }

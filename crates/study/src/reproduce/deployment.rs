@@ -11,6 +11,7 @@ use jostle_sim::{AccelerationLimits, Dynamics, SimConfig};
 
 use super::cells::{Cells, Wanted};
 use super::evaluator::TOKEN;
+use super::mujoco::Pilot;
 use super::policies::Found;
 use jostle_runs::provenance::workspace;
 
@@ -31,7 +32,12 @@ pub(super) const MAPS_WITH_MASS: [&str; 2] = ["warehouse, rapier", "hospital, ra
 
 /// What has to be said of the table with mass.
 pub(super) const NOTE_WITH_MASS: &str = "The maps and episodes of Table 5. kinematic: as there; rapier: the same robot with a Jackal's mass, wheels, \
-    motors and latency (docs/how-to-dynamics.md). No policy was trained with them.";
+    motors and latency; mujoco: a Jackal on four wheels in MuJoCo, which casts its rays, moves it and finds its contacts \
+    (docs/how-to-dynamics.md). No policy was trained with them. The maps are our own; their open floors of 10 m × 10 m follow \
+    the paper's text.";
+
+/// The maps' names in MuJoCo.
+pub(super) const MAPS_IN_MUJOCO: [&str; 2] = ["warehouse, mujoco", "hospital, mujoco"];
 
 /// The episodes of a policy on each map.
 pub(super) fn run(cells: &mut Cells, found: &Found) -> Result<Vec<(String, Vec<CompactEpisode>)>> {
@@ -71,8 +77,48 @@ pub(super) fn on_maps(
 
 fn on_map(cells: &mut Cells, driver: &Driver, sim: &SimConfig, map: &str) -> Result<Vec<CompactEpisode>> {
     let mut all = Vec::new();
+    for (protocol, episodes) in protocols(sim, map)? {
+        let cell = cells.get(&wanted(&protocol, driver, episodes))?;
+        all.extend(cell.episodes(episodes as usize));
+    }
+    Ok(all)
+}
+
+/// The episodes of a driver on each map in MuJoCo; none where MuJoCo has not run them all.
+pub(super) fn in_mujoco(
+    cells: &mut Cells,
+    driver: &Driver,
+    pilot: Pilot<'_>,
+    sim: &SimConfig,
+) -> Result<Vec<(String, Vec<CompactEpisode>)>> {
+    let mut sites = Vec::new();
+    for (map, site) in MAPS.iter().zip(MAPS_IN_MUJOCO) {
+        let mut all = Vec::new();
+        for (protocol, episodes) in protocols(sim, map)? {
+            let Some(cell) = cells.get_in_mujoco(&wanted(&protocol, driver, episodes), pilot)? else {
+                return Ok(Vec::new());
+            };
+            all.extend(cell.episodes(episodes as usize));
+        }
+        sites.push((site.to_owned(), all));
+    }
+    Ok(sites)
+}
+
+/// As [`in_mujoco`], of a policy.
+pub(super) fn run_in_mujoco(cells: &mut Cells, found: &Found) -> Result<Vec<(String, Vec<CompactEpisode>)>> {
+    let driver = Driver::Trained(Box::new(found.policy.clone()));
+    in_mujoco(cells, &driver, Pilot::Policy(&found.path), &found.policy.sim_config()?)
+}
+
+fn wanted<'a>(protocol: &'a Protocol, driver: &'a Driver, episodes: u64) -> Wanted<'a> {
+    Wanted { protocol, driver, token: TOKEN, crowd: CrowdKind::Sf, episodes }
+}
+
+/// The settings of a map with each number of pedestrians, and their episodes.
+fn protocols(sim: &SimConfig, map: &str) -> Result<Vec<(Protocol, u64)>> {
     let counts = PEDESTRIANS.count() as u64;
-    for (i, n_pedestrians) in PEDESTRIANS.enumerate() {
+    let of = |(i, n_pedestrians): (usize, usize)| {
         let config = ArenaConfig {
             sim: world(sim.clone(), map),
             n_agents: 1 + n_pedestrians,
@@ -80,12 +126,10 @@ fn on_map(cells: &mut Cells, driver: &Driver, sim: &SimConfig, map: &str) -> Res
             respawn_clearance: 1.5,
             ..ArenaConfig::default()
         };
-        let protocol = Protocol::new(config, Pools::default())?;
         let episodes = EPISODES / counts + u64::from((i as u64) < EPISODES % counts);
-        let wanted = Wanted { protocol: &protocol, driver, token: TOKEN, crowd: CrowdKind::Sf, episodes };
-        all.extend(cells.get(&wanted)?.episodes(episodes as usize));
-    }
-    Ok(all)
+        Ok((Protocol::new(config, Pools::default())?, episodes))
+    };
+    PEDESTRIANS.enumerate().map(of).collect()
 }
 
 /// The policy's own world but for map and robot.

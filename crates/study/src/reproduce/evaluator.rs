@@ -15,6 +15,7 @@ use jostle_eval::protocol::Protocol;
 use jostle_peds::CrowdKind;
 
 use super::cells::{Cells, Wanted};
+use super::mujoco::Mujoco;
 use super::plan::row_spec;
 use super::policies::{Found, Policies};
 
@@ -52,10 +53,16 @@ pub(crate) struct RowEvaluator {
 
 impl RowEvaluator {
     /// A study of which nothing has been run yet.
-    pub(crate) fn new(policies: Policies, results: &Path, fresh: bool, episodes: u64) -> Result<Self> {
+    pub(crate) fn new(
+        policies: Policies,
+        results: &Path,
+        fresh: bool,
+        episodes: u64,
+        mujoco: Option<Mujoco>,
+    ) -> Result<Self> {
         ensure!(episodes > 0, "--episodes: found 0, expected at least 1");
         let pools = policies.pools()?;
-        let cells = Cells::open(results.join("cells"), fresh)?;
+        let cells = Cells::open(results.join("cells"), fresh, mujoco)?;
         Ok(Self {
             policies,
             cells,

@@ -3,8 +3,8 @@
 //!
 //! Reading order: this file (what is asked for), `plan` (rows and their training settings),
 //! `policies` (where policies come from), `cells` (episodes, each cell run once), `evaluator` (the
-//! study), `tables`, `planners`, `deployment`, `beyond`, `curves`, `paths` (what is printed),
-//! `training` and `hours` (`--train`), `page` (docs/reproduction.md, README.md), `cards`
+//! study), `tables`, `planners`, `deployment` with `mujoco`, `beyond`, `curves`, `paths` (what is
+//! printed), `training` and `hours` (`--train`), `page` (docs/reproduction.md, README.md), `cards`
 //! (docs/model-cards.md). The small preset, which trains everything within minutes, is a thing of
 //! its own: `small`.
 
@@ -15,6 +15,7 @@ mod curves;
 mod deployment;
 mod evaluator;
 mod hours;
+mod mujoco;
 mod overview;
 mod page;
 mod paths;
@@ -41,6 +42,7 @@ use jostle_ppo::Config;
 
 use self::evaluator::RowEvaluator;
 use self::hours::Rate;
+use self::mujoco::Mujoco;
 use self::plan::{Plan, ROWS, row_spec};
 use self::policies::Policies;
 use crate::ship::manifest;
@@ -73,8 +75,10 @@ type Table = fn(&mut RowEvaluator) -> Result<PooledTable>;
 #[command(
     after_help = "Examples:\n  cargo xtask reproduce all\n  cargo xtask reproduce table1 --preset small\n  \
     cargo xtask reproduce table1 --train --rows m10\n  cargo xtask reproduce all --fresh\n  \
+    cargo xtask reproduce table5 --mujoco\n  \
     cargo xtask reproduce all --train --slurm --slurm-options cluster.toml"
 )]
+#[expect(clippy::struct_excessive_bools, reason = "each is a flag of the command line")]
 pub struct ReproduceArgs {
     /// The target to reproduce.
     #[arg(value_enum)]
@@ -102,6 +106,10 @@ pub struct ReproduceArgs {
     /// Run also the episodes that are stored, and compare.
     #[arg(long)]
     fresh: bool,
+    /// With table5 or all: install MuJoCo below `target/` and run in it the cells that are not
+    /// stored (with --fresh: all of its cells).
+    #[arg(long)]
+    mujoco: bool,
     /// Episodes of a cell.
     #[arg(long, value_name = "N", default_value_t = 1000)]
     episodes: u64,
@@ -185,6 +193,8 @@ pub fn run(args: &ReproduceArgs, trainings: &dyn Trainings) -> Result<ExitCode> 
     jostle_runs::shipped::checkout()?;
     threads::set(args.threads)?;
     let n_threads = args.threads.map_or(0, NonZeroUsize::get);
+    let has_mujoco = args.preset == Preset::Paper && matches!(args.target, Target::Table5 | Target::All);
+    ensure!(!args.mujoco || has_mujoco, "--mujoco: found {:?}, expected table5 or all", args.target);
     if args.preset == Preset::Small {
         ensure!(args.target == Target::Table1, "--preset small: found {:?}, expected table1", args.target);
         let out = args.out.clone().unwrap_or_else(|| PathBuf::from(small::FOLDER));
@@ -222,7 +232,8 @@ fn study(
     }
     let checkpoints = args.checkpoints.clone().unwrap_or_else(manifest::default_folder);
     let policies = Policies::new(plan.clone(), &checkpoints, &args.runs, trained)?;
-    let mut evaluator = RowEvaluator::new(policies, results, args.fresh, args.episodes)?;
+    let mujoco = args.mujoco.then(Mujoco::install).transpose()?;
+    let mut evaluator = RowEvaluator::new(policies, results, args.fresh, args.episodes, mujoco)?;
     let is = |one: Target| target == one || target == Target::All;
     let tables: [(Target, Table); 10] = [
         (Target::Table1, tables::table_1),

@@ -18,6 +18,8 @@ use jostle_runs::log::RunLog;
 #[derive(Clone, Debug)]
 pub(crate) struct Found {
     pub(crate) policy: LoadedPolicy,
+    /// Its file.
+    pub(crate) path: PathBuf,
     pub(crate) seed: u64,
     /// Updates that it has seen.
     pub(crate) updates: u64,
@@ -108,7 +110,8 @@ impl Policies {
 
     fn load(&self, run: &RunEntry, entry: &PolicyEntry) -> Result<Found> {
         let policy = entry.load(&self.checkpoints, run)?;
-        Ok(Found { policy, seed: run.seed, updates: entry.updates, wall_seconds: entry.wall_seconds })
+        let path = self.checkpoints.join(&entry.file);
+        Ok(Found { policy, path, seed: run.seed, updates: entry.updates, wall_seconds: entry.wall_seconds })
     }
 
     /// Refuses a shipped run whose setting is no longer the plan's.
@@ -132,7 +135,7 @@ impl Policies {
             policy.identity.name = format!("{variant}-seed{seed}-{updates:06}");
             let reports = RunLog::read(&folder)?.reports;
             let wall_seconds = reports.iter().take(updates as usize).map(|report| report.clock.total).sum();
-            found.push(Found { policy, seed, updates, wall_seconds });
+            found.push(Found { policy, path, seed, updates, wall_seconds });
         }
         Ok(found)
     }

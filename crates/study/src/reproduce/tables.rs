@@ -9,11 +9,13 @@ use jostle_arena::{Driver, Planner};
 use jostle_eval::compact::CompactEpisode;
 use jostle_eval::metrics::Summary;
 use jostle_eval::report::{PooledCell, PooledRow, PooledTable, SeedValue};
+use jostle_eval::statistics::{Interval, wilson};
 use jostle_peds::CrowdKind;
 use jostle_sim::Dynamics;
 
 use super::deployment;
 use super::evaluator::{Evaluated, RowEvaluator};
+use super::mujoco::Pilot;
 use super::plan::{STRONG, row_spec};
 use super::planners::{self, Reference, own_label};
 
@@ -25,6 +27,8 @@ const ROWS_4: [(&str, &str); 3] = [("Basic", "m1"), ("Safe", "safety-zone"), ("O
 const ROWS_5: [&str; 2] = ["m1", "m5"];
 /// Rows that are tested with mass, under the names of that table.
 const ROWS_WITH_MASS: [(&str, &str); 3] = [("M = 1", "m1"), ("M = 5", "m5"), (STRONG, STRONG)];
+/// The name of the other simulator's rows.
+const MUJOCO: &str = "mujoco";
 /// The strong policy by the number of agents.
 pub(super) const ROWS_STRONG: [&str; 3] = ["strong", "strong-n10", "strong-n20"];
 
@@ -268,39 +272,73 @@ pub(super) fn table_5(evaluator: &mut RowEvaluator) -> Result<PooledTable> {
 /// Success on the same maps where the robot has mass. Not of the paper.
 pub(super) fn table_dynamics(evaluator: &mut RowEvaluator) -> Result<PooledTable> {
     let mut rows = Vec::new();
-    let names = [(Dynamics::Kinematic, "kinematic"), (Dynamics::Rapier, "rapier")];
+    let here = [(Dynamics::Kinematic, "kinematic"), (Dynamics::Rapier, "rapier")];
     for (label, name) in ROWS_WITH_MASS {
-        for (dynamics, shown) in names {
+        let row = |evaluated: &Evaluated, shown: &str, sites: &[&str]| PooledRow {
+            labels: [label, shown].map(str::to_owned).to_vec(),
+            cells: cells(evaluated, sites, Measure::Success),
+            paper: vec![None; deployment::MAPS.len()],
+            decimals: 3,
+            sources: sources(evaluated),
+            command: Some(command("table5", name)),
+            note: note(evaluated),
+            planner: false,
+        };
+        for (dynamics, shown) in here {
             let evaluated =
                 evaluator.row_at(name, |cells, found| deployment::run_with(cells, found, dynamics))?;
-            rows.push(PooledRow {
-                labels: [label, shown].map(str::to_owned).to_vec(),
-                cells: cells(evaluated, &deployment::sites(dynamics), Measure::Success),
-                paper: vec![None; deployment::MAPS.len()],
-                decimals: 3,
-                sources: sources(evaluated),
-                command: Some(command("table5", name)),
-                note: note(evaluated),
-                planner: false,
-            });
+            rows.push(row(evaluated, shown, &deployment::sites(dynamics)));
         }
+        let evaluated = evaluator.row_at(name, deployment::run_in_mujoco)?;
+        rows.push(row(evaluated, MUJOCO, &deployment::MAPS_IN_MUJOCO));
     }
-    let sim = evaluator.policies.sim();
-    for (dynamics, shown) in names {
-        let sites = deployment::on_maps(&mut evaluator.cells, &Driver::Planner(BAR), &sim, dynamics)?;
-        let mut row =
-            planners::site_row(BAR, &sites.into_iter().collect(), &deployment::sites(dynamics), &[]);
+    let (sim, driver) = (evaluator.policies.sim(), Driver::Planner(BAR));
+    let mut planner = |sites: Vec<(String, Vec<CompactEpisode>)>, shown: &str, names: &[&str]| {
+        let mut row = planners::site_row(BAR, &sites.into_iter().collect(), names, &[]);
         row.labels.push(shown.to_owned());
         rows.push(row);
+    };
+    for (dynamics, shown) in here {
+        let sites = deployment::on_maps(&mut evaluator.cells, &driver, &sim, dynamics)?;
+        planner(sites, shown, &deployment::sites(dynamics));
     }
+    let sites = deployment::in_mujoco(&mut evaluator.cells, &driver, Pilot::Planner(BAR), &sim)?;
+    planner(sites, MUJOCO, &deployment::MAPS_IN_MUJOCO);
+    let mut notes =
+        vec![READING.to_owned(), deployment::NOTE_WITH_MASS.to_owned(), planners::NOTE.to_owned()];
+    notes.extend(pooled_rates(&rows));
     Ok(PooledTable {
         id: "dynamics".to_owned(),
         title: "Beyond the paper: success on Table 5's maps of robots with mass".to_owned(),
         label_heads: ["robot", "dynamics"].map(str::to_owned).to_vec(),
         columns: deployment::MAPS.map(str::to_owned).to_vec(),
         rows,
-        notes: vec![READING.to_owned(), deployment::NOTE_WITH_MASS.to_owned(), planners::NOTE.to_owned()],
+        notes,
     })
+}
+
+/// What MuJoCo makes of each robot, all its training seeds together, with Wilson's interval; where
+/// it has not run, the command that runs it.
+fn pooled_rates(rows: &[PooledRow]) -> Option<String> {
+    let of_row = |row: &PooledRow| {
+        let rate = |(cell, map): (&Option<PooledCell>, &str)| {
+            let seeds = &cell.as_ref()?.seeds;
+            let episodes: u64 = seeds.iter().map(|seed| seed.episodes).sum();
+            let won: f64 = seeds.iter().filter_map(|seed| Some(seed.value? * seed.episodes as f64)).sum();
+            let won = won.round() as u64;
+            let Interval { low, high } = wilson(won, episodes)?;
+            Some(format!("{map} {won} of {episodes} ({low:.3} to {high:.3})"))
+        };
+        let rates: Option<Vec<String>> = row.cells.iter().zip(deployment::MAPS).map(rate).collect();
+        Some(format!("{} {}", row.labels[0], rates?.join(", ")))
+    };
+    let mujoco: Vec<&PooledRow> = rows.iter().filter(|row| row.labels[1] == MUJOCO).collect();
+    let rates: Vec<String> = mujoco.iter().filter_map(|row| of_row(row)).collect();
+    let missing = (rates.len() < mujoco.len())
+        .then(|| "cargo xtask reproduce table5 --mujoco runs what is missing".to_owned());
+    let all: Vec<String> = rates.into_iter().chain(missing).collect();
+    (!all.is_empty())
+        .then(|| format!("mujoco, all training seeds together, with Wilson's interval: {}.", all.join("; ")))
 }
 
 fn success_table(
