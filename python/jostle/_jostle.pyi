@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ._keywords import Keywords
 
-__all__ = ["CrowdRooms", "PeerRoom", "Planner", "Policy", "RobotRoom", "__version__", "evaluate", "evaluate_planner", "evaluate_policy", "notes"]
+__all__ = ["CrowdRooms", "PeerRoom", "Planner", "Policy", "RobotRoom", "__version__", "board_entry", "evaluate", "evaluate_planner", "evaluate_policy", "notes"]
 
 __version__: str
 
