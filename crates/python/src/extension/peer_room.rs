@@ -20,6 +20,9 @@ pub(super) struct PyPeerRoom {
 /// Kind and numbers of an obstacle.
 type Obstacle = (&'static str, Vec<Vec<f32>>);
 
+/// The robot's pose and goal, and the pedestrians, at the start of an episode.
+type Start = ([f32; 3], [f32; 2], Vec<[f32; 7]>);
+
 #[pymethods]
 impl PyPeerRoom {
     #[new]
@@ -107,7 +110,7 @@ impl PyPeerRoom {
     }
 
     /// Goes to the start of an episode of the test: the robot's pose, its goal, the pedestrians.
-    fn begin(&self, seed: u64, episode: u64) -> PyResult<([f32; 3], [f32; 2], Vec<[f32; 7]>)> {
+    fn begin(&self, seed: u64, episode: u64) -> PyResult<Start> {
         let mut room = self.lock();
         room.begin(seed, episode).map_err(value_error)?;
         let robot = room.room().robot();
