@@ -14,6 +14,7 @@ use jostle_eval::report::grid::Grid;
 use jostle_policy::{Device, NetworkConfig};
 use jostle_ppo::{Config, Trainer, UpdateReport};
 
+use super::chosen;
 use super::machine::Conditions;
 use super::table::{count, duration, percent};
 use jostle_runs::output::{self, note};
@@ -61,7 +62,7 @@ pub(super) struct GpuArgs {
 pub(super) fn run(args: &GpuArgs) -> Result<()> {
     let engines = parity::engines(args.device).context("no GPU to measure")?;
     let until = Instant::now() + Duration::from_secs_f64((60.0 * args.minutes).clamp(0.0, 86_400.0));
-    let chosen = chosen(&args.only)?;
+    let chosen = chosen(&SETTINGS, |setting| setting.name, &args.only)?;
     let conditions = Conditions::now();
     let mut grid = Grid::new(["network", "minibatches", "largest relative difference of a loss"]);
     let mut worst = 0.0_f64;
@@ -78,15 +79,6 @@ pub(super) fn run(args: &GpuArgs) -> Result<()> {
     output::result(&text)?;
     ensure!(worst <= PARITY, "the losses are {worst:.1e} apart, expected at most {PARITY:.0e}");
     output::result(&rates(&chosen, args, until)?)
-}
-
-fn chosen(only: &[String]) -> Result<Vec<&'static Setting>> {
-    let names = || SETTINGS.map(|setting| setting.name).join(", ");
-    let find = |name: &String| {
-        let found = SETTINGS.iter().find(|setting| setting.name == name);
-        found.with_context(|| format!("--only: found {name}, expected some of {}", names()))
-    };
-    if only.is_empty() { Ok(SETTINGS.iter().collect()) } else { only.iter().map(find).collect() }
 }
 
 /// One side of a setting with what it has made.
@@ -175,7 +167,7 @@ mod tests {
             let config = Config::parse("", setting.name, &set).unwrap();
             assert!(setting.name.ends_with(&config.rollout_len().to_string()), "{}", setting.name);
         }
-        assert!(chosen(&["nothing".to_owned()]).is_err());
+        assert!(chosen(&SETTINGS, |setting| setting.name, &["nothing".to_owned()]).is_err());
     }
 
     #[test]

@@ -11,6 +11,7 @@ use clap::Args;
 use jostle_eval::report::grid::Grid;
 use jostle_ppo::{Config, Trainer, UpdateReport};
 
+use super::chosen;
 use super::machine::Conditions;
 use super::table::{count, duration, percent};
 use jostle_runs::output;
@@ -109,7 +110,7 @@ pub(super) struct LearningArgs {
 }
 
 pub(super) fn run(args: &LearningArgs) -> Result<()> {
-    let chosen = chosen(&args.only)?;
+    let chosen = chosen(&SETTINGS, |setting| setting.name, &args.only)?;
     let conditions = Conditions::now();
     let mut text = conditions.markdown().to_owned();
     text += &rates(&chosen, args)?;
@@ -122,21 +123,6 @@ pub(super) fn run(args: &LearningArgs) -> Result<()> {
         text += &times_to(success, &chosen, args)?;
     }
     output::result(&text)
-}
-
-fn chosen(only: &[String]) -> Result<Vec<&'static Setting>> {
-    let names = || SETTINGS.map(|setting| setting.name).join(", ");
-    if only.is_empty() {
-        return Ok(SETTINGS.iter().collect());
-    }
-    only.iter()
-        .map(|name| {
-            SETTINGS
-                .iter()
-                .find(|setting| setting.name == name)
-                .with_context(|| format!("--only: found {name}, expected some of {}", names()))
-        })
-        .collect()
 }
 
 fn config(setting: &Setting, threads: usize) -> Result<Config> {
@@ -268,7 +254,7 @@ mod tests {
             };
             assert_eq!(config.rollout_len(), expected, "{}", setting.name);
         }
-        assert!(chosen(&["nothing".to_owned()]).is_err());
+        assert!(chosen(&SETTINGS, |setting| setting.name, &["nothing".to_owned()]).is_err());
     }
 
     #[test]

@@ -76,3 +76,13 @@ fn pool(threads: usize) -> Result<ThreadPool> {
         .build()
         .with_context(|| format!("cannot start {threads} threads"))
 }
+
+/// The settings of these names, in their order; all of them where none is named.
+fn chosen<'a, T>(settings: &'a [T], name: fn(&T) -> &'static str, only: &[String]) -> Result<Vec<&'a T>> {
+    let names = || settings.iter().map(name).collect::<Vec<_>>().join(", ");
+    let find = |wanted: &String| {
+        let found = settings.iter().find(|setting| name(setting) == wanted);
+        found.with_context(|| format!("--only: found {wanted}, expected some of {}", names()))
+    };
+    if only.is_empty() { Ok(settings.iter().collect()) } else { only.iter().map(find).collect() }
+}

@@ -13,12 +13,14 @@ use crate::median;
 use crate::mpi::{Program, Running};
 use anyhow::{Context as _, Result, bail};
 use clap::Args;
+use jostle_diversity::DiscriminatorShape;
 use jostle_eval::report::grid::Grid;
 use jostle_policy::Layout;
 use jostle_ppo::{Config, UpdateReport};
 use jostle_view::curves::{Axis, Curve, Panel, Panels};
 use jostle_view::draw::panels::curves;
 
+use super::chosen;
 use super::machine::Conditions;
 use super::table::{count, duration, percent};
 use jostle_runs::output::{self, note};
@@ -105,7 +107,7 @@ pub(super) struct RanksArgs {
 }
 
 pub(super) fn run(args: &RanksArgs) -> Result<()> {
-    let chosen = chosen(&args.only)?;
+    let chosen = chosen(&SETTINGS, |setting| setting.name, &args.only)?;
     let conditions = Conditions::now();
     let folder = target_folder().join(format!("bench-ranks-{}", std::process::id()));
     std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
@@ -115,15 +117,6 @@ pub(super) fn run(args: &RanksArgs) -> Result<()> {
     std::fs::remove_dir_all(&bench.folder)
         .with_context(|| format!("cannot remove {}", bench.folder.display()))?;
     outcome
-}
-
-fn chosen(only: &[String]) -> Result<Vec<&'static Setting>> {
-    let names = || SETTINGS.map(|setting| setting.name).join(", ");
-    let find = |name: &String| {
-        let found = SETTINGS.iter().find(|setting| setting.name == name);
-        found.with_context(|| format!("--only: found {name}, expected some of {}", names()))
-    };
-    if only.is_empty() { Ok(SETTINGS.iter().collect()) } else { only.iter().map(find).collect() }
 }
 
 fn measure(bench: &Bench, chosen: &[&'static Setting], args: &RanksArgs, conditions: &str) -> Result<()> {
@@ -278,20 +271,15 @@ impl Costs {
         let config = setting.config()?;
         let minibatches = config.rollout_len().div_ceil(config.minibatch);
         let network = config.network_config();
-        let q = |inputs: usize| {
-            let (mut layout, hidden) = (Layout::new(), config.discriminator.hidden);
-            layout.push_linear("fc1", inputs, hidden);
-            layout.push_linear("fc2", hidden, hidden);
-            layout.push_linear("out", hidden, config.n_behaviours);
-            layout.len()
-        };
+        let (hidden, n_behaviours) = (config.discriminator.hidden, config.n_behaviours);
+        let q = |n_inputs: usize| DiscriminatorShape { n_inputs, hidden, n_behaviours }.layout().len();
         let width = network.input_len();
         let mut sums = vec![
             (config.epochs_policy, Layout::actor(&network).len()),
             (config.epochs_value, Layout::critic(&network).len()),
         ];
         // With one behaviour no discriminator learns.
-        if config.n_behaviours > 1 {
+        if n_behaviours > 1 {
             sums.extend([width, width + 2].map(|inputs| (config.epochs_discriminator, q(inputs))));
         }
         let count: usize = sums.iter().map(|(epochs, _)| epochs * minibatches).sum();
@@ -408,7 +396,7 @@ mod tests {
             assert!(one.rollout_len() >= 10_000, "{}", setting.name);
             assert_eq!((2 * one.rollout_len(), 2 * one.minibatch), (two.rollout_len(), two.minibatch));
         }
-        assert!(chosen(&["nothing".to_owned()]).is_err());
+        assert!(chosen(&SETTINGS, |setting| setting.name, &["nothing".to_owned()]).is_err());
     }
 
     #[test]
