@@ -1,12 +1,10 @@
 //! The conformance command: passes on the fixtures beside this file, fails on everything that is
 //! wrong with a folder.
 
-mod common;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use common::{text, xtask};
+use crate::common::{text, xtask};
 
 fn data() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data")

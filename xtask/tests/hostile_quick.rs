@@ -1,8 +1,6 @@
 //! A short slice of the long searches: `cargo xtask chaos` and `cargo xtask fuzz`.
 
-mod common;
-
-use common::{accepted, text, xtask};
+use crate::common::{accepted, text, xtask};
 
 #[test]
 fn a_few_kills_lose_nothing() {

@@ -217,6 +217,37 @@ fn the_checks_and_the_workspace_share_what_they_build() {
 }
 
 #[test]
+fn every_file_of_tests_is_run() {
+    // With `autotests = false` cargo does not look for them.
+    let mut left_out = Vec::new();
+    for (name, manifest) in manifests() {
+        if manifest["package"].get("autotests").and_then(toml::Value::as_bool) != Some(false) {
+            continue;
+        }
+        let folder = crate_folder(&name);
+        let declared: BTreeSet<PathBuf> = manifest["test"]
+            .as_array()
+            .unwrap_or_else(|| panic!("{name} has no [[test]]"))
+            .iter()
+            .map(|test| folder.join(test["path"].as_str().expect("a path")))
+            .collect();
+        let all = text(&folder.join("tests/all.rs"));
+        let is_run = |path: &PathBuf| {
+            let module = path.file_stem().and_then(|stem| stem.to_str()).expect("a name");
+            declared.contains(path) || all.lines().any(|line| line == format!("mod {module};"))
+        };
+        let files = sources(&folder.join("tests"));
+        left_out.extend(
+            files
+                .into_iter()
+                .filter(|path| path.parent() == Some(&folder.join("tests")))
+                .filter(|path| !is_run(path)),
+        );
+    }
+    assert!(left_out.is_empty(), "files of tests that nothing runs: {left_out:?}");
+}
+
+#[test]
 fn anyhow_is_for_commands_only() {
     for (name, manifest) in manifests() {
         let found = dependencies(&manifest).contains("anyhow");

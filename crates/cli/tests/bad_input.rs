@@ -1,14 +1,12 @@
 //! Bad input is refused with exactly one clear line and a non-zero exit, and nothing is
 //! overwritten.
 
-mod common;
-
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use common::tiny::{TINY, config, finished_run, train};
-use common::{jostle, refused, text};
+use crate::common::tiny::{TINY, config, finished_run, train};
+use crate::common::{jostle, refused, text};
 
 /// Every file under a folder with its bytes; locks come and go.
 fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {

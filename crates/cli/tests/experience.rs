@@ -1,16 +1,15 @@
 //! Pages, pictures and lists that a person looks at. Each must hold the data that it claims to
 //! show.
 
-mod common;
-
+use crate::common;
 use std::fs;
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::net::TcpStream;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use common::tiny::finished_run;
-use common::{accepted, refused, text};
+use crate::common::tiny::finished_run;
+use crate::common::{accepted, refused, text};
 use serde_json::Value;
 
 /// The data inside a page.

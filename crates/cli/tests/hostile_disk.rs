@@ -1,16 +1,14 @@
 //! A disk that is full, a folder that cannot be written, a checkpoint that is gone, a second
 //! process: one clear line each time, and what was good before stays good.
 
-mod common;
-
 use std::fs;
 use std::io::Write as _;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-use common::tiny::{config, finished_run, train};
-use common::{accepted, refused, text};
+use crate::common::tiny::{config, finished_run, train};
+use crate::common::{accepted, refused, text};
 
 /// Runs the command where no file may grow beyond `kib` KiB, as on a disk that is full: writes
 /// fail, no signal is sent.

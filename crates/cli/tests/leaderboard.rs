@@ -1,10 +1,8 @@
 //! The leaderboard: an entry runs again to the bit, and what is stored is held to what it says.
 
-mod common;
-
 use std::fs;
 
-use common::{accepted, jostle, refused, text};
+use crate::common::{accepted, jostle, refused, text};
 
 #[test]
 fn an_entry_runs_again_to_the_bit_and_a_changed_one_is_found() {

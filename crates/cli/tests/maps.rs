@@ -1,14 +1,12 @@
 //! Maps as a user meets them: paths from the file that names them, content as a part of the
 //! identity, foreign keys.
 
-mod common;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use common::text;
-use common::tiny::TINY;
+use crate::common::text;
+use crate::common::tiny::TINY;
 
 const ROOM: &str = "walls = { min = [-10.0, -10.0], max = [10.0, 10.0] }\n";
 

@@ -1,13 +1,11 @@
 //! From training runs to shipped policies, tables, verdicts and figures, with policies that a test
 //! can afford.
 
-mod common;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use common::{accepted, jostle, refused, text};
+use crate::common::{accepted, jostle, refused, text};
 
 /// Small enough for a test: two agents with 16 beams. Five behaviours, as the base setting has.
 const BASE: &str = "updates = 4\ncheckpoint_every = 1\nN = 2\nM = 5\nhorizon = 16\nminibatch = 16\n\

@@ -1,16 +1,14 @@
 //! A sweep: what it makes, that it goes on where it stopped, and that a killed one ends with the
 //! same bytes.
 
-mod common;
-
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use common::tiny::TINY;
-use common::{accepted, jostle, refused, text};
+use crate::common::tiny::TINY;
+use crate::common::{accepted, jostle, refused, text};
 
 /// Two variants with two seeds each; more keys of the plan in `more`, more sections in `sections`.
 fn plan(folder: &Path, more: &str, sections: &str) -> PathBuf {

@@ -1,15 +1,13 @@
 //! A run folder: what it holds, and that a resumed run ends with the bytes of one that was not
 //! interrupted.
 
-mod common;
-
 use std::fs;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use common::tiny::{config, finished_run, train};
-use common::{accepted, jostle, text};
+use crate::common::tiny::{config, finished_run, train};
+use crate::common::{accepted, jostle, text};
 
 /// The log without its clock.
 fn curve(run: &Path) -> Vec<serde_json::Value> {

@@ -1,8 +1,6 @@
 //! The metric D.
 
-mod common;
-
-use common::untrained;
+use crate::common::untrained;
 use jostle_arena::ArenaConfig;
 use jostle_eval::EvalError;
 use jostle_eval::diversity::{diversity, trajectory};

@@ -1,10 +1,8 @@
 //! Tests of robots that have mass: the same episodes, other ways through them.
 
-mod common;
-
 use std::sync::Mutex;
 
-use common::{pools, seek};
+use crate::common::{pools, seek};
 use jostle_arena::{ArenaConfig, PerRow, PolicyIdentity};
 use jostle_eval::{CellRun, Protocol, Subject};
 use jostle_peds::CrowdKind;

@@ -1,8 +1,6 @@
 //! Policies from disk, and which of them drive which crowd.
 
-mod common;
-
-use common::{pools, untrained};
+use crate::common::{pools, untrained};
 use jostle_arena::identity::hex_sha256;
 use jostle_arena::{ArenaConfig, LoadedPolicy};
 use jostle_peds::CrowdKind;

@@ -1,9 +1,7 @@
 //! A crowd of one's own: its name, visibility and version reach keys, records and rooms; nobody
 //! takes it for a built-in one.
 
-mod common;
-
-use common::{brief, seek};
+use crate::common::{brief, seek};
 use jostle_arena::room::RoomPlan;
 use jostle_arena::{PerRow, PolicyIdentity, Pools};
 use jostle_eval::records::read_records;

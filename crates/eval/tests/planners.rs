@@ -1,13 +1,12 @@
 //! Planners in the protocol: the same episodes whatever the threads and the lock step, and what
 //! each is worth.
 
+use crate::common;
 use jostle_arena::room::RoomPlan;
 use jostle_arena::{ArenaConfig, Driver, LoadedPolicy, Planner, Pools};
 use jostle_eval::records::EpisodeRecord;
 use jostle_eval::{Protocol, Subject};
 use jostle_peds::CrowdKind;
-
-mod common;
 
 /// The records of a planner among a validation crowd.
 fn records(planner: Planner, config: &ArenaConfig, episodes: u64) -> Vec<EpisodeRecord> {

@@ -1,9 +1,7 @@
 //! The protocol's promises: outcomes, pairing, and the same bytes whatever the threads and the lock
 //! step.
 
-mod common;
-
-use common::{brief, pools, seek, untrained};
+use crate::common::{brief, pools, seek, untrained};
 use jostle_arena::{
     ArenaConfig, ArenaError, Outcome, PerRow, PolicyIdentity, Pools, Robot, RobotPolicy as _, TrainedRobot,
 };

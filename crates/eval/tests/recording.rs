@@ -1,10 +1,8 @@
 //! Recorded people in episodes: where they were, whatever the robot does; paired and repeatable.
 
-mod common;
-
 use std::path::PathBuf;
 
-use common::{brief, seek};
+use crate::common::{brief, seek};
 use glam::Vec2;
 use jostle_arena::recording::RecordingConfig;
 use jostle_arena::room::{ArenaRoom, RoomPlan};

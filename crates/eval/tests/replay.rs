@@ -1,8 +1,6 @@
 //! Traces tell of the episodes that records tell of.
 
-mod common;
-
-use common::{brief, pools, seek};
+use crate::common::{brief, pools, seek};
 use glam::Vec2;
 use jostle_arena::identity::PolicyIdentity;
 use jostle_arena::replay::{EpisodeTrace, trace_episodes};

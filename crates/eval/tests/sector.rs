@@ -1,11 +1,9 @@
 //! Lasers that see a sector: what pedestrians see, who may be tested in which room, and crashes
 //! that no beam shows.
 
-mod common;
-
 use std::f32::consts::PI;
 
-use common::{brief, pools, untrained};
+use crate::common::{brief, pools, untrained};
 use jostle_arena::crowds::check_observation;
 use jostle_arena::replay::trace_episodes;
 use jostle_arena::room::{ArenaRoom, RoomPlan};

@@ -1,9 +1,7 @@
 //! Scenes of a suite in episodes: paired, repeatable, and with their standing and stopping
 //! pedestrians.
 
-mod common;
-
-use common::{brief, pools, seek};
+use crate::common::{brief, pools, seek};
 use glam::Vec2;
 use jostle_arena::room::{ArenaRoom, RoomPlan};
 use jostle_arena::{ArenaConfig, PerRow, PolicyIdentity};

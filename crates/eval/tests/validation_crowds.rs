@@ -1,9 +1,7 @@
 //! The walkers for validation: they see nobody, walk at drawn speeds, stand at drawn times, and
 //! repeat to the bit.
 
-mod common;
-
-use common::{brief, pools, seek};
+use crate::common::{brief, pools, seek};
 use glam::Vec2;
 use jostle_arena::room::{ArenaRoom, RoomPlan};
 use jostle_arena::{ArenaConfig, ArenaError, PerRow, PolicyIdentity, Pools};

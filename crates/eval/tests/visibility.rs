@@ -1,9 +1,7 @@
 //! Visibility: the robot's actions must not matter to a crowd that cannot see it, and must to one
 //! that can.
 
-mod common;
-
-use common::{brief, pools};
+use crate::common::{brief, pools};
 use glam::Vec2;
 use jostle_arena::ArenaConfig;
 use jostle_arena::room::{ArenaRoom, RoomPlan};

@@ -1,5 +1,4 @@
 //! Learned crowds with a network of known answers.
-#![cfg(feature = "learned")]
 
 use glam::Vec2;
 use jostle_peds::{Command, Crowd, CrowdKind, LearnedConfig, LearnedCrowd, Pedestrian, RoomView, Visibility};

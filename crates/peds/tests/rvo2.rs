@@ -1,17 +1,15 @@
 //! The port against trajectories and half-planes that RVO2 itself recorded (provenance:
 //! `tests/data/README.md`).
 
-mod support;
-
 use std::{
     fs,
     path::{Path, PathBuf},
     sync::Arc,
 };
 
+use crate::support::{Recording, read_lines};
 use glam::Vec2;
 use jostle_peds::orca::Obstacles;
-use support::{Recording, read_lines};
 
 /// One step from a recorded state, m/s and m.
 const ONE_STEP: f32 = 1e-5;

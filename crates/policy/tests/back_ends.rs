@@ -2,10 +2,8 @@
 //!
 //! A back end is added to `BACKENDS`; all tests then hold it, too.
 
-mod common;
-
-use common::oracle::{Head, Oracle};
-use common::{largest_deviation, noise, observations, parameters, small, tokens};
+use crate::common::oracle::{Head, Oracle};
+use crate::common::{largest_deviation, noise, observations, parameters, small, tokens};
 use jostle_policy::{Backend, Batch, Network, NetworkConfig, Parameters, actor, critic};
 
 const BACKENDS: [Backend; 2] = [Backend::Reference, Backend::Fast];

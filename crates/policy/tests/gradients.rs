@@ -1,11 +1,9 @@
 //! The gradients of the candle models, parameter tensor by parameter tensor, against central
 //! differences; and the fault of candle's own convolution that makes this test necessary.
 
-mod common;
-
+use crate::common::oracle::{Head, Oracle};
+use crate::common::{noise, observations, parameters, small, tokens};
 use candle_core::{Device, Tensor, Var};
-use common::oracle::{Head, Oracle};
-use common::{noise, observations, parameters, small, tokens};
 use jostle_policy::{Backend, Batch, actor, critic};
 
 /// Central differences of the oracle's outputs (`f64`, so that the step can be small) against both

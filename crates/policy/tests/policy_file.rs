@@ -1,13 +1,12 @@
 //! Policies on disk: what is written comes back, and what is no policy is refused with one clear
 //! line.
 
-mod common;
-
+use crate::common;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use common::parameters;
+use crate::common::parameters;
 use jostle_policy::file::network_json;
 use jostle_policy::{
     Layout, NetworkConfig, PolicyFile, Precision, Provenance, TensorFile, TensorOut, Values, write_tensors,

@@ -1,11 +1,10 @@
 //! The promises of a training run: the same bytes at any number of threads, after a resume, on both
 //! back ends.
 
-mod common;
-
+use crate::common;
 use std::path::Path;
 
-use common::{tiny, trainer};
+use crate::common::{tiny, trainer};
 use jostle_ppo::checkpoint::previous_path;
 use jostle_ppo::{PpoError, Trainer, UpdateReport};
 

@@ -4,11 +4,9 @@
 //! When this fails, the message names the update and the part that moved first, in the order in
 //! which an update makes them: rooms before networks, networks before optimisers.
 
-mod common;
-
 use std::path::Path;
 
-use common::trainer;
+use crate::common::trainer;
 use jostle_policy::TensorFile;
 use jostle_ppo::Trainer;
 use sha2::{Digest, Sha256};

@@ -1,13 +1,11 @@
 //! Configurations and checkpoints that were made to mislead: valid in form, impossible in size or
 //! content.
 
-mod common;
-
 use std::collections::BTreeMap;
 use std::io::Write as _;
 use std::path::Path;
 
-use common::trainer;
+use crate::common::trainer;
 use jostle_policy::{TensorFile, TensorOut, Values, write_tensors};
 use jostle_ppo::{Config, PpoError, Trainer};
 

@@ -1,8 +1,6 @@
 //! The effects of an update: ratios, rewards, discriminators, and a policy that improves.
 
-mod common;
-
-use common::trainer;
+use crate::common::trainer;
 use jostle_ppo::{BehaviourReport, Trainer, UpdateReport};
 
 fn mean(reports: &[UpdateReport], of: impl Fn(&UpdateReport) -> f64) -> f64 {

@@ -1,11 +1,10 @@
 //! One run on one, two and four ranks: the same bytes. The ranks are threads here.
 
-mod common;
-
+use crate::common;
 use std::path::Path;
 use std::sync::Arc;
 
-use common::tiny;
+use crate::common::tiny;
 use jostle_ppo::ranks::{Communicator, group};
 use jostle_ppo::{PpoError, Trainer, UpdateReport};
 

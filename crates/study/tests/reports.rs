@@ -1,9 +1,6 @@
 //! Tables as they are printed.
 
-#[path = "../../eval/tests/common/mod.rs"]
-mod common;
-
-use common::{brief, pools, seek, untrained};
+use crate::common::{brief, pools, seek, untrained};
 use jostle_arena::{PerRow, Pools};
 use jostle_eval::report::{CellResult, Comparison, Evaluation, SuccessTable};
 use jostle_eval::{Protocol, Subject};

@@ -1,7 +1,5 @@
 //! Runs the built binary.
 
-#![allow(dead_code, reason = "each test binary uses a part of it")]
-
 use std::path::Path;
 use std::process::{Command, Output};
 

@@ -1,13 +1,11 @@
 //! Shared by the tests: inputs from a formula, and a slow, plain `f64` oracle of the networks.
 
-#![allow(dead_code, unreachable_pub, reason = "every test binary uses its own part of this module")]
-
-pub mod oracle;
+pub(crate) mod oracle;
 
 use jostle_policy::{Layout, NetworkConfig, Parameters};
 
 /// SplitMix64 of `seed` and `index`, as a number in [−1, 1): any language can evaluate it.
-pub fn noise(seed: u64, index: u64) -> f64 {
+pub(crate) fn noise(seed: u64, index: u64) -> f64 {
     let mut x =
         seed.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(index.wrapping_mul(0xD1B5_4A32_D192_ED03));
     x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
@@ -16,7 +14,7 @@ pub fn noise(seed: u64, index: u64) -> f64 {
 }
 
 /// Parameters from the formula: ±1/√(values behind one output) for every tensor.
-pub fn parameters(layout: Layout, seed: u64) -> Parameters {
+pub(crate) fn parameters(layout: Layout, seed: u64) -> Parameters {
     let mut flat = Vec::with_capacity(layout.len());
     for entry in layout.entries() {
         let fan_in: usize = entry.shape[1..].iter().product();
@@ -29,7 +27,7 @@ pub fn parameters(layout: Layout, seed: u64) -> Parameters {
 
 /// Observation rows in the range of real ones: scans in ±0.5, goals within metres, speeds within
 /// the limits.
-pub fn observations(config: &NetworkConfig, n_rows: usize, seed: u64) -> Vec<f32> {
+pub(crate) fn observations(config: &NetworkConfig, n_rows: usize, seed: u64) -> Vec<f32> {
     let width = config.observation_len();
     let scans = config.frames * config.beams;
     let scale = |column: usize| {
@@ -45,12 +43,12 @@ pub fn observations(config: &NetworkConfig, n_rows: usize, seed: u64) -> Vec<f32
 }
 
 /// Tokens 0, 1, …, M − 1, 0, ….
-pub fn tokens(config: &NetworkConfig, n_rows: usize) -> Vec<u32> {
+pub(crate) fn tokens(config: &NetworkConfig, n_rows: usize) -> Vec<u32> {
     (0..n_rows).map(|row| (row % config.n_behaviours) as u32).collect()
 }
 
 /// A small network of the same form, whose every parameter can be tried.
-pub fn small() -> NetworkConfig {
+pub(crate) fn small() -> NetworkConfig {
     NetworkConfig {
         frames: 2,
         beams: 17,
@@ -63,7 +61,7 @@ pub fn small() -> NetworkConfig {
 }
 
 /// The largest |a − b|.
-pub fn largest_deviation(a: &[f32], b: &[f64]) -> f64 {
+pub(crate) fn largest_deviation(a: &[f32], b: &[f64]) -> f64 {
     assert_eq!(a.len(), b.len());
     a.iter().zip(b).map(|(a, b)| (f64::from(*a) - b).abs()).fold(0.0, f64::max)
 }

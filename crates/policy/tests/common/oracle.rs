@@ -5,20 +5,20 @@ use jostle_policy::{Layout, NetworkConfig, Parameters};
 
 /// The head behind the trunk.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Head {
+pub(crate) enum Head {
     Actor,
     Critic,
 }
 
 impl Head {
-    pub fn layout(self, config: &NetworkConfig) -> Layout {
+    pub(crate) fn layout(self, config: &NetworkConfig) -> Layout {
         match self {
             Head::Actor => Layout::actor(config),
             Head::Critic => Layout::critic(config),
         }
     }
 
-    pub fn n_outputs(self) -> usize {
+    pub(crate) fn n_outputs(self) -> usize {
         match self {
             Head::Actor => 2,
             Head::Critic => 1,
@@ -27,11 +27,11 @@ impl Head {
 }
 
 /// One network with `f64` weights.
-pub struct Oracle {
+pub(crate) struct Oracle {
     config: NetworkConfig,
     head: Head,
     layout: Layout,
-    pub weights: Vec<f64>,
+    pub(crate) weights: Vec<f64>,
 }
 
 /// The values that the backward pass reads again.
@@ -46,7 +46,7 @@ struct Kept {
 }
 
 impl Oracle {
-    pub fn new(config: &NetworkConfig, head: Head, parameters: &Parameters) -> Self {
+    pub(crate) fn new(config: &NetworkConfig, head: Head, parameters: &Parameters) -> Self {
         let weights = parameters.flat().iter().map(|value| f64::from(*value)).collect();
         Self { config: config.clone(), head, layout: head.layout(config), weights }
     }
@@ -56,18 +56,18 @@ impl Oracle {
     }
 
     /// Outputs of one row.
-    pub fn forward(&self, observation: &[f32], token: u32) -> Vec<f64> {
+    pub(crate) fn forward(&self, observation: &[f32], token: u32) -> Vec<f64> {
         self.keep(observation, token).outputs
     }
 
     /// Outputs of all rows.
-    pub fn forward_all(&self, observations: &[f32], tokens: &[u32]) -> Vec<f64> {
+    pub(crate) fn forward_all(&self, observations: &[f32], tokens: &[u32]) -> Vec<f64> {
         let rows = observations.chunks(self.config.observation_len());
         rows.zip(tokens).flat_map(|(row, token)| self.forward(row, *token)).collect()
     }
 
     /// Gradient of Σ outputs · `d_outputs` over all rows.
-    pub fn backward_all(&self, observations: &[f32], tokens: &[u32], d_outputs: &[f64]) -> Vec<f64> {
+    pub(crate) fn backward_all(&self, observations: &[f32], tokens: &[u32], d_outputs: &[f64]) -> Vec<f64> {
         let mut gradient = vec![0.0; self.weights.len()];
         let rows = observations.chunks(self.config.observation_len());
         for ((row, token), d) in rows.zip(tokens).zip(d_outputs.chunks(self.head.n_outputs())) {
