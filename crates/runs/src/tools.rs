@@ -16,15 +16,22 @@ pub struct Tool {
     pub name: &'static str,
     /// The version that is installed.
     pub version: &'static str,
+    /// Arguments of `cargo install` beyond these.
+    pub options: &'static [&'static str],
 }
 
 /// Draws SVG (<https://github.com/linebender/resvg>). As a library it would bring some thirty
 /// crates into every build, and other features of crates that the networks are built on, for
 /// pictures that few ask for.
-pub const RESVG: Tool = Tool { name: "resvg", version: "0.49.0" };
+pub const RESVG: Tool = Tool { name: "resvg", version: "0.49.0", options: &[] };
 
-/// Makes a book of Markdown (<https://github.com/rust-lang/mdBook>).
-pub const MDBOOK: Tool = Tool { name: "mdbook", version: "0.5.4" };
+/// Makes a book of Markdown (<https://github.com/rust-lang/mdBook>). Without its web server and
+/// without optimisation it is installed in a third of the time, and needs two seconds for our book.
+pub const MDBOOK: Tool = Tool {
+    name: "mdbook",
+    version: "0.5.4",
+    options: &["--debug", "--no-default-features", "--features", "search"],
+};
 
 impl Tool {
     /// The program, installed into the target folder where the path has none.
@@ -44,11 +51,12 @@ impl Tool {
     }
 
     fn install(&self, root: &std::path::Path) -> Result<()> {
-        let Self { name, version } = self;
+        let Self { name, version, options } = self;
         note(&format!("installing {name} {version} into {} (once)", root.display()));
         let status = Command::new(cargo())
             .args(["install", name, "--version", version, "--locked", "--quiet", "--root"])
             .arg(root)
+            .args(*options)
             .status()
             .with_context(|| format!("cannot start cargo to install {name}"))?;
         ensure!(status.success(), "cannot install {name} {version}: `cargo install {name}` tells why");
