@@ -45,8 +45,9 @@ pub struct NetworkConfig {
     pub n_behaviours: usize,
     /// Length of a behaviour's embedding (paper: 32).
     pub embedding: usize,
-    /// Standard deviation of the embeddings at the start (PyTorch's default: 1). Larger values make
-    /// the behaviours differ more from the first update on.
+    /// Standard deviation of the embeddings at the start (PyTorch's default: 1). Of a network that
+    /// reads motions, where a token is one of M ones, the factor on what its weights would be
+    /// otherwise. Larger values make the behaviours differ more from the first update on.
     pub embedding_std: f32,
     /// Length of the laser feature behind the convolutions (paper: 256).
     pub laser_feature: usize,

@@ -19,6 +19,16 @@ pub enum Init {
         /// Inputs of one output.
         fan_in: usize,
     },
+    /// As [`Self::Uniform`], with the last columns, which the behaviour tokens switch on, multiplied
+    /// by a factor.
+    UniformWithTokens {
+        /// Inputs of one output, the tokens among them.
+        fan_in: usize,
+        /// How many of them are tokens: the last ones.
+        tokens: usize,
+        /// The factor on their weights.
+        factor: f32,
+    },
     /// Normal with mean 0; a standard deviation of 1 is PyTorch's default for embeddings.
     Normal {
         /// Standard deviation.
@@ -104,7 +114,11 @@ impl Layout {
         let mut layout = Self::new();
         if config.motion.is_some() {
             // The token enters as one of M ones behind the inputs.
-            layout.push_linear("fc1", config.input_len() + config.n_behaviours, config.laser_feature);
+            let (tokens, factor) = (config.n_behaviours, config.embedding_std);
+            let fan_in = config.input_len() + tokens;
+            let init = Init::UniformWithTokens { fan_in, tokens, factor };
+            layout.push("fc1.weight", &[config.laser_feature, fan_in], init);
+            layout.push("fc1.bias", &[config.laser_feature], Init::Uniform { fan_in });
             layout.push_linear("fc2", config.laser_feature, config.hidden);
             return layout;
         }

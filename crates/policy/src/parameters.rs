@@ -29,18 +29,24 @@ pub struct Parameters {
 impl Parameters {
     /// Fresh parameters, drawn tensor by tensor in the layout's order from one host generator.
     ///
-    /// Weights and biases are uniform in ±1/√`fan_in`, embeddings normal, `log_std` constant. Draws
-    /// are made here and not by candle, whose CPU generator cannot be seeded.
+    /// Weights and biases are uniform in ±1/√`fan_in`, embeddings normal, `log_std` constant, each
+    /// as [`Init`](crate::layout::Init) says. Draws are made here and not by candle, whose CPU
+    /// generator cannot be seeded.
     pub fn init(layout: impl Into<Arc<Layout>>, rng: &mut impl Rng) -> Self {
         let layout = layout.into();
         let mut flat = Vec::with_capacity(layout.len());
         for entry in layout.entries() {
             match entry.init {
                 Init::Uniform { fan_in } => {
-                    let bound = 1.0 / (fan_in as f32).sqrt();
-                    let uniform =
-                        Uniform::new(-bound, bound).expect("a positive fan-in gives a finite bound");
+                    let uniform = uniform(fan_in);
                     flat.extend((0..entry.len()).map(|_| uniform.sample(rng)));
+                }
+                Init::UniformWithTokens { fan_in, tokens, factor } => {
+                    let uniform = uniform(fan_in);
+                    flat.extend((0..entry.len()).map(|idx| {
+                        let is_token = idx % fan_in >= fan_in - tokens;
+                        uniform.sample(rng) * if is_token { factor } else { 1.0 }
+                    }));
                 }
                 Init::Normal { std } => {
                     let mut draw = || -> f32 { StandardNormal.sample(rng) };
@@ -137,4 +143,10 @@ impl Parameters {
             Some((entry.name.as_str(), value))
         })
     }
+}
+
+/// Uniform in ±1/√`fan_in`.
+fn uniform(fan_in: usize) -> Uniform<f32> {
+    let bound = 1.0 / (fan_in as f32).sqrt();
+    Uniform::new(-bound, bound).expect("a positive fan-in gives a finite bound")
 }

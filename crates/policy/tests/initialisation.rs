@@ -1,5 +1,6 @@
 //! Initial parameters: their bounds, and their bits.
 
+use jostle_policy::encoder::motion::MotionInputs;
 use jostle_policy::layout::Init;
 use jostle_policy::{NetworkConfig, Parameters};
 use rand_chacha::ChaCha8Rng;
@@ -33,6 +34,27 @@ fn embeddings_have_the_spread_asked_for_and_nothing_else_moves() {
 }
 
 #[test]
+fn tokens_of_a_network_that_reads_motions_have_the_spread_asked_for() {
+    let config = NetworkConfig {
+        motion: Some(MotionInputs { dt: 0.1, v_max: 1.0, w_max: 1.0 }),
+        ..NetworkConfig::default()
+    };
+    let wide = NetworkConfig { embedding_std: 8.0, ..config.clone() };
+    let fresh = |config: &NetworkConfig| Parameters::actor(config, &mut ChaCha8Rng::seed_from_u64(3));
+    let (usual, wide) = (fresh(&config), fresh(&wide));
+    let columns = config.input_len() + config.n_behaviours;
+    for entry in usual.layout().entries() {
+        let of = |(idx, value): (usize, &f32)| {
+            let is_token = entry.name == "fc1.weight" && idx % columns >= config.input_len();
+            if is_token { 8.0 * value } else { *value }
+        };
+        let expected: Vec<f32> = usual.get(&entry.name).unwrap().iter().enumerate().map(of).collect();
+        assert_eq!(wide.get(&entry.name), Some(&expected[..]), "{}", entry.name);
+    }
+    assert_ne!(usual, wide);
+}
+
+#[test]
 fn tensors_are_filled_as_pytorch_fills_them() {
     let parameters = actor(3);
     for entry in parameters.layout().entries() {
@@ -53,6 +75,7 @@ fn tensors_are_filled_as_pytorch_fills_them() {
                 assert!((ratio - 1.0).abs() < 0.5, "{}: {ratio}", entry.name);
             }
             Init::Constant(value) => assert_eq!(values, [value; 2]),
+            Init::UniformWithTokens { .. } => panic!("{}: this network embeds its tokens", entry.name),
         }
     }
     let fan_in = |name: &str| parameters.layout().entry(name).unwrap().init;

@@ -189,7 +189,8 @@ pub struct NetworkSection {
     #[cfg_attr(feature = "schema", schemars(extend("minimum" = 1, "maximum" = 65536, "origin" = "paper")))]
     pub embedding: usize,
     /// Standard deviation of the embeddings at the start; ≥ 0. Default 1 (PyTorch's): how far apart
-    /// the behaviours are before anything is learned.
+    /// the behaviours are before anything is learned. With `inputs = "motion"`, where a token is
+    /// one of M ones, the factor on what its weights start as.
     #[cfg_attr(feature = "schema", schemars(extend("minimum" = 0.0, "origin" = "PyTorch's")))]
     pub embedding_std: f32,
     /// Length of the laser feature; ≥ 1. Default 256 (lineage).
