@@ -14,6 +14,7 @@ pub(crate) static FILES: &[Embedded] = files![
     "configs/baseline_m1.toml",
     "configs/diversity_m5.toml",
     "configs/headline.toml",
+    "configs/plans/embedding.toml",
     "configs/plans/study-10m.toml",
     "configs/plans/study-paper.toml",
     "configs/plans/study.toml",
