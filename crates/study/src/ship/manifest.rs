@@ -18,7 +18,7 @@ pub(crate) const MANIFEST: &str = "manifest.json";
 /// The format's name.
 const FORMAT: &str = "jostle-checkpoints-1";
 /// Most bytes of all files together.
-pub(crate) const FOLDER_MAX: u64 = 40_000_000;
+pub(crate) const FOLDER_MAX: u64 = 80_000_000;
 
 /// The default folder.
 pub(crate) fn default_folder() -> PathBuf {
