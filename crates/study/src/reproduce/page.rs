@@ -131,8 +131,8 @@ mod tests {
                 "docs/how-to-dynamics.md" => &["dynamics"],
                 "docs/leaderboard.md" => &["leaderboard/leaderboard"],
                 _ => &[
-                    "table1", "table2", "table3", "table4", "table5", "claims", "tokens", "outcomes",
-                    "driving",
+                    "table1", "table2", "table3", "table4", "table5", "dynamics", "claims", "strong",
+                    "tokens", "outcomes", "driving",
                 ],
             };
             for name in names {
