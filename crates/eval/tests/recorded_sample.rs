@@ -51,7 +51,7 @@ fn sample() -> String {
 fn the_sample_is_what_this_file_makes() {
     assert!(
         std::fs::read_to_string(path()).unwrap() == sample(),
-        "run `cargo test --test recorded_sample -- --ignored`"
+        "run `cargo test --release -p jostle-eval --test all recorded_sample -- --ignored`"
     );
 }
 

@@ -19,8 +19,8 @@ pub enum Init {
         /// Inputs of one output.
         fan_in: usize,
     },
-    /// As [`Self::Uniform`], with the last columns, which the behaviour tokens switch on, multiplied
-    /// by a factor.
+    /// As [`Self::Uniform`], with the last columns, which the behaviour tokens switch on, times a
+    /// factor.
     UniformWithTokens {
         /// Inputs of one output, the tokens among them.
         fan_in: usize,

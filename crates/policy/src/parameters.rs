@@ -30,8 +30,8 @@ impl Parameters {
     /// Fresh parameters, drawn tensor by tensor in the layout's order from one host generator.
     ///
     /// Weights and biases are uniform in ±1/√`fan_in`, embeddings normal, `log_std` constant, each
-    /// as [`Init`](crate::layout::Init) says. Draws are made here and not by candle, whose CPU
-    /// generator cannot be seeded.
+    /// as [`Init`] says. Draws are made here and not by candle, whose CPU generator cannot be
+    /// seeded.
     pub fn init(layout: impl Into<Arc<Layout>>, rng: &mut impl Rng) -> Self {
         let layout = layout.into();
         let mut flat = Vec::with_capacity(layout.len());
