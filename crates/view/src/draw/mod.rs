@@ -15,14 +15,18 @@ use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-/// Okabe and Ito's colours, which the colour-blind can tell apart, without black and yellow.
-const INKS: [RGBColor; 6] = [
+/// Okabe and Ito's colours, which the colour-blind can tell apart, with a grey for their black and a
+/// darker yellow; then brown.
+const INKS: [RGBColor; 9] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
     RGBColor(0, 158, 115),
     RGBColor(204, 121, 167),
     RGBColor(230, 159, 0),
     RGBColor(86, 180, 233),
+    RGBColor(64, 64, 64),
+    RGBColor(190, 174, 0),
+    RGBColor(128, 64, 24),
 ];
 const GREY: RGBColor = RGBColor(110, 118, 129);
 const PALE: RGBColor = RGBColor(228, 231, 235);
