@@ -15,7 +15,7 @@ use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-/// Okabe and Ito's colours, which the colour-blind can tell apart, with a grey for their black and a
+/// Okabe and Ito's colours, which the colour-blind can tell apart, with grey for their black and a
 /// darker yellow; then brown.
 const INKS: [RGBColor; 9] = [
     RGBColor(0, 114, 178),
