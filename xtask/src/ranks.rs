@@ -16,7 +16,7 @@ use jostle_bench::mpi::{Job, Program};
 use jostle_runs::output::note;
 use jostle_runs::run_folder::latest_update;
 use jostle_runs::stop::STOPPED;
-use jostle_runs::tools::target_folder;
+use jostle_runs::tools::process_folder;
 
 /// Four rooms of two agents with 16 beams in as many shards: an update takes milliseconds.
 const BASE: &str = "\
@@ -37,9 +37,7 @@ const POLL: Duration = Duration::from_millis(20);
 
 /// Runs the check; what is different is said line by line.
 pub(crate) fn check() -> Result<()> {
-    let folder = target_folder().join(format!("mpi-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
-    let folder = folder.canonicalize().with_context(|| format!("cannot find {}", folder.display()))?;
+    let folder = process_folder("mpi")?;
     let program = Program::build(&folder)?;
     let config = folder.join("base.toml");
     std::fs::write(&config, BASE).with_context(|| format!("cannot write {}", config.display()))?;

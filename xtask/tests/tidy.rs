@@ -204,7 +204,7 @@ fn the_checks_and_the_workspace_share_what_they_build() {
     // `cargo xtask` builds the package xtask, its tests build the workspace. A feature that only
     // one of them turns on has its crate, and all that depend on it, built twice.
     let built = |packages: &[&str]| -> BTreeSet<String> {
-        let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+        let mut cargo = Command::new(jostle_runs::tools::cargo());
         cargo.args(["tree", "--offline", "--edges", "normal,build", "--prefix", "none"]);
         let output = cargo.args(["--format", "{p} {f}"]).args(packages).output().unwrap();
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));

@@ -135,6 +135,19 @@ impl ArenaConfig {
         Ok(())
     }
 
+    /// Refuses a robot that has mass, where another simulator moves it.
+    ///
+    /// # Errors
+    ///
+    /// [`ArenaError::Setting`] with `sim.robot.dynamics`.
+    pub fn check_robot_moves_elsewhere(&self) -> Result<(), ArenaError> {
+        if self.sim.robot.dynamics.is_kinematic() {
+            return Ok(());
+        }
+        let (found, expected) = ("rapier".to_owned(), "kinematic: the robot moves elsewhere".to_owned());
+        Err(ArenaError::Setting { field: "sim.robot.dynamics", found, expected })
+    }
+
     /// SHA-256 of everything that decides a result and has no field of its own in a cell's key. Of
     /// a map that is its content, by its hash ([`jostle_sim::maps::sha256`]), and [`MAP_VERSION`];
     /// where it lies is another on each machine. Of a robot that has mass it is also

@@ -10,10 +10,10 @@ use jostle_sim::{Scenario, outline};
 pub fn polygons(scenario: &Scenario) -> Vec<Vec<Vec2>> {
     let (min, max) = scenario.walls;
     let walls = vec![min, Vec2::new(min.x, max.y), max, Vec2::new(max.x, min.y)];
-    let obstacles = scenario.obstacles.iter().map(|(shape, pose)| {
-        let in_world = |point: Vec2| pose.position + pose.direction().rotate(point);
-        outline(shape).into_iter().map(in_world).collect()
-    });
+    let obstacles = scenario
+        .obstacles
+        .iter()
+        .map(|(shape, pose)| outline(shape).into_iter().map(|point| pose.point_in_world(point)).collect());
     std::iter::once(walls).chain(obstacles).collect()
 }
 

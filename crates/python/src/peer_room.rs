@@ -48,10 +48,7 @@ impl PeerRoom {
     pub fn new(mut settings: Settings, respawn_clearance: Option<f32>) -> Result<Self, EvalError> {
         let config = &mut settings.config;
         config.respawn_clearance = respawn_clearance.unwrap_or(config.respawn_clearance);
-        if !config.sim.robot.dynamics.is_kinematic() {
-            let (found, expected) = ("rapier".to_owned(), "kinematic: the robot moves elsewhere".to_owned());
-            return Err(EvalError::Setting { field: "sim.robot.dynamics", found, expected });
-        }
+        config.check_robot_moves_elsewhere()?;
         let protocol = Protocol::new(settings.config, settings.pools)?;
         let plan = RoomPlan::new(protocol.config(), settings.crowd)?;
         let crowd = protocol.crowd(&plan)?;

@@ -83,6 +83,16 @@ pub fn target_folder() -> PathBuf {
     std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| workspace().join("target"), PathBuf::from)
 }
 
+/// A folder of this process in the target folder, made, by its whole path.
+///
+/// # Errors
+/// When it cannot be made or found.
+pub fn process_folder(name: &str) -> Result<PathBuf> {
+    let folder = target_folder().join(format!("{name}-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
+    folder.canonicalize().with_context(|| format!("cannot find {}", folder.display()))
+}
+
 #[cfg(test)]
 mod tests {
     use super::on_path;

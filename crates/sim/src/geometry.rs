@@ -33,6 +33,11 @@ impl Pose {
         Vec2::new(along.dot(offset), along.perp_dot(offset))
     }
 
+    /// A point in the frame of this pose (x forward, y left) in the world.
+    pub fn point_in_world(&self, point_in_frame: Vec2) -> Vec2 {
+        self.position + self.direction().rotate(point_in_frame)
+    }
+
     /// True if all three numbers are finite.
     pub fn is_finite(&self) -> bool {
         self.position.is_finite() && self.heading.is_finite()

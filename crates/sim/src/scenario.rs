@@ -58,18 +58,14 @@ impl Scenario {
             let field = || format!("obstacle {index}");
             match shape {
                 Shape::Circle { .. } | Shape::Box { .. } => within_reach(field(), [pose.position])?,
-                Shape::Segment { a, b } => within_reach(field(), [*a, *b].map(|v| in_world(*pose, v)))?,
+                Shape::Segment { a, b } => within_reach(field(), [*a, *b].map(|v| pose.point_in_world(v)))?,
                 Shape::Polygon { vertices } => {
-                    within_reach(field(), vertices.iter().map(|v| in_world(*pose, *v)))?;
+                    within_reach(field(), vertices.iter().map(|v| pose.point_in_world(*v)))?;
                 }
             }
         }
         Ok(world)
     }
-}
-
-fn in_world(pose: Pose, point: Vec2) -> Vec2 {
-    pose.position + pose.direction().rotate(point)
 }
 
 fn within_reach(field: impl Into<String>, points: impl IntoIterator<Item = Vec2>) -> Result<(), SimError> {

@@ -459,7 +459,7 @@ fn centred(shape: &Shape, pose: Pose) -> (Shape, Pose) {
         Shape::Segment { a, b } => Shape::Segment { a: moved(a), b: moved(b) },
         Shape::Polygon { vertices } => Shape::Polygon { vertices: vertices.iter().map(moved).collect() },
     };
-    let position = pose.position + pose.direction().rotate(centre.as_vec2());
+    let position = pose.point_in_world(centre.as_vec2());
     (shape, Pose { position, heading: pose.heading })
 }
 

@@ -21,7 +21,7 @@ use crate::chaos::compare::differences;
 use jostle_runs::output::note;
 use jostle_runs::progress::clock;
 use jostle_runs::run_folder::{last_holder, latest_update};
-use jostle_runs::tools::target_folder;
+use jostle_runs::tools::process_folder;
 
 /// Two agents with 16 beams and small networks: an update takes milliseconds.
 const BASE: &str = "\
@@ -41,9 +41,7 @@ const POLL: Duration = Duration::from_millis(50);
 /// Runs the check; what is different is said line by line.
 pub(crate) fn check() -> Result<()> {
     SLURM.install()?;
-    let folder = target_folder().join(format!("slurm-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
-    let folder = folder.canonicalize().with_context(|| format!("cannot find {}", folder.display()))?;
+    let folder = process_folder("slurm")?;
     let (here, there) = (store_plan(&folder, "here")?, store_plan(&folder, "slurm")?);
     sweep(&here, &["--jobs", "2"], None)?;
     let mut cluster = Cluster::start(&folder.join("cluster"))?;

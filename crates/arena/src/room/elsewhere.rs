@@ -21,10 +21,7 @@ impl ArenaRoom {
     /// Ranges that are not one finite number of at least 0 for each beam; a robot that has mass
     /// here as well.
     pub fn look(&mut self, plan: &RoomPlan, ranges: &[f32]) -> Result<(), ArenaError> {
-        if !plan.config.sim.robot.dynamics.is_kinematic() {
-            let (found, expected) = ("rapier".to_owned(), "kinematic: the robot moves elsewhere".to_owned());
-            return Err(ArenaError::Setting { field: "sim.robot.dynamics", found, expected });
-        }
+        plan.config.check_robot_moves_elsewhere()?;
         self.take_ranges(plan, ranges)?;
         // The start's own scan has used the first draws.
         self.observers[ROBOT].seek_noise(0);

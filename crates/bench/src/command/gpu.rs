@@ -31,6 +31,14 @@ struct Setting {
     set: &'static [&'static str],
 }
 
+impl Setting {
+    fn config(&self, backend: &str, device: Device) -> Result<Config> {
+        let engine = [format!("backend={backend}"), format!("device={device}")];
+        let set: Vec<String> = self.set.iter().map(|key| (*key).to_owned()).chain(engine).collect();
+        Config::parse("", self.name, &set).with_context(|| self.name)
+    }
+}
+
 /// The paper's network at two sizes of an update, and the compact one.
 const SETTINGS: [Setting; 3] = [
     Setting { name: "paper-8000", set: &["n_rooms=16", "horizon=100", "minibatch=1000"] },
@@ -89,20 +97,16 @@ struct Side {
 }
 
 impl Side {
-    fn new(setting: &Setting, keys: &[String]) -> Result<Self> {
-        let set: Vec<String> = setting.set.iter().map(|key| (*key).to_owned()).chain(keys.to_vec()).collect();
-        let config = Config::parse("", setting.name, &set).with_context(|| setting.name)?;
-        let engine = format!("`{}` on `{}`", keys[0].trim_start_matches("backend="), config.device);
-        Ok(Self { engine, trainer: Trainer::new(config)?, reports: Vec::new() })
+    fn new(setting: &Setting, backend: &str, device: Device) -> Result<Self> {
+        let trainer = Trainer::new(setting.config(backend, device)?)?;
+        Ok(Self { engine: format!("`{backend}` on `{device}`"), trainer, reports: Vec::new() })
     }
 }
 
 /// Transitions per second of each setting on the device and on the processor.
 fn rates(chosen: &[&'static Setting], args: &GpuArgs, until: Instant) -> Result<String> {
-    let on_device = ["backend=reference".to_owned(), format!("device={}", args.device)];
-    let on_processor = ["backend=fast".to_owned()];
     let sides = |setting: &&'static Setting| -> Result<[Side; 2]> {
-        Ok([Side::new(setting, &on_device)?, Side::new(setting, &on_processor)?])
+        Ok([Side::new(setting, "reference", args.device)?, Side::new(setting, "fast", Device::Cpu)?])
     };
     let mut pairs = chosen.iter().map(sides).collect::<Result<Vec<_>>>()?;
     for round in 0..=args.rounds {
@@ -162,9 +166,7 @@ mod tests {
     #[test]
     fn every_setting_is_a_configuration_of_the_size_in_its_name() {
         for setting in &SETTINGS {
-            let keys = ["backend=reference".to_owned(), "device=cuda:0".to_owned()];
-            let set: Vec<String> = setting.set.iter().map(|key| (*key).to_owned()).chain(keys).collect();
-            let config = Config::parse("", setting.name, &set).unwrap();
+            let config = setting.config("reference", Device::Cuda(0)).unwrap();
             assert!(setting.name.ends_with(&config.rollout_len().to_string()), "{}", setting.name);
         }
         assert!(chosen(&SETTINGS, |setting| setting.name, &["nothing".to_owned()]).is_err());

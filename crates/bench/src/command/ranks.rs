@@ -16,16 +16,17 @@ use clap::Args;
 use jostle_diversity::DiscriminatorShape;
 use jostle_eval::report::grid::Grid;
 use jostle_policy::Layout;
-use jostle_ppo::{Config, UpdateReport};
+use jostle_ppo::Config;
 use jostle_view::curves::{Axis, Curve, Panel, Panels};
 use jostle_view::draw::panels::curves;
 
 use super::chosen;
 use super::machine::Conditions;
 use super::table::{count, duration, percent};
+use jostle_runs::log::RunLog;
 use jostle_runs::output::{self, note};
 use jostle_runs::run_folder::write_atomically;
-use jostle_runs::tools::target_folder;
+use jostle_runs::tools::process_folder;
 
 /// A setting, with what one rank has of it.
 struct Setting {
@@ -109,9 +110,7 @@ pub(super) struct RanksArgs {
 pub(super) fn run(args: &RanksArgs) -> Result<()> {
     let chosen = chosen(&SETTINGS, |setting| setting.name, &args.only)?;
     let conditions = Conditions::now();
-    let folder = target_folder().join(format!("bench-ranks-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
-    let folder = folder.canonicalize().with_context(|| format!("cannot find {}", folder.display()))?;
+    let folder = process_folder("bench-ranks")?;
     let bench = Bench { program: Program::build(&folder)?, folder, updates: args.updates };
     let outcome = measure(&bench, &chosen, args, conditions.markdown());
     std::fs::remove_dir_all(&bench.folder)
@@ -187,13 +186,7 @@ impl Bench {
         let mut seconds = Vec::new();
         for (out, running) in started {
             running.good_end()?;
-            let path = out.join("log.ndjson");
-            let log =
-                std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
-            for line in log.lines().skip(1) {
-                let report: UpdateReport = serde_json::from_str(line)?;
-                seconds.push(report.clock.total);
-            }
+            seconds.extend(RunLog::read(&out)?.reports.iter().skip(1).map(|report| report.clock.total));
         }
         Ok(seconds)
     }

@@ -167,7 +167,7 @@ fn bodies(room: &PeerRoom) -> Vec<[f32; 7]> {
 }
 
 fn obstacle(shape: &Shape, pose: Pose) -> Obstacle {
-    let in_world = |point: Vec2| (pose.position + pose.direction().rotate(point)).to_array().to_vec();
+    let in_world = |point: Vec2| pose.point_in_world(point).to_array().to_vec();
     let [x, y] = pose.position.to_array();
     match shape {
         Shape::Circle { radius } => ("circle", vec![vec![x, y, *radius]]),
