@@ -199,6 +199,40 @@ fn there_is_one_version() {
     );
 }
 
+/// Otherwise `cargo install --locked --path ros` is refused, and `ci --ros` leaves a changed file.
+#[test]
+fn the_driver_locks_what_the_crates_need() {
+    let lock: toml::Table = toml::from_str(&text(&workspace().join("ros/Cargo.lock"))).unwrap();
+    let packages = lock["package"].as_array().unwrap();
+    let mut looked_at = 0;
+    for (folder, manifest) in manifests() {
+        let name = manifest["package"]["name"].as_str().unwrap();
+        let Some(locked) = packages.iter().find(|package| package["name"].as_str() == Some(name)) else {
+            continue;
+        };
+        // A version stands behind a name that the file has more than once.
+        let locked: BTreeSet<&str> = locked
+            .get("dependencies")
+            .and_then(toml::Value::as_array)
+            .into_iter()
+            .flatten()
+            .filter_map(|entry| entry.as_str()?.split(' ').next())
+            .collect();
+        let needed = manifest.get("dependencies").and_then(toml::Value::as_table).into_iter().flatten();
+        for (dependency, value) in needed {
+            let optional = value.get("optional").and_then(toml::Value::as_bool).unwrap_or(false);
+            let package = value.get("package").and_then(toml::Value::as_str).unwrap_or(dependency);
+            assert!(
+                optional || locked.contains(package),
+                "ros/Cargo.lock: {name} has no {package}, expected what crates/{folder}/Cargo.toml asks for; \
+                 `cargo metadata --manifest-path ros/Cargo.toml` adds it"
+            );
+        }
+        looked_at += 1;
+    }
+    assert!(looked_at > 5, "{looked_at}");
+}
+
 #[test]
 fn the_checks_and_the_workspace_share_what_they_build() {
     // `cargo xtask` builds the package xtask, its tests build the workspace. A feature that only
