@@ -44,11 +44,13 @@ for library in "$root"/lib/lib*.so.*; do
     [ -e "$plain" ] || ln -s "$(basename "$library")" "$plain"
 done
 
-# The driver's library is only there where a driver is; an empty one with its name is enough to link.
+# The driver's library is only there where a driver is; to link, one with its name is enough that has a function of it: a library
+# without any that is asked for would be left out of what the program loads. The other functions are found when it starts.
 if [ ! -e "$root/lib/libcuda.so" ]; then
     mkdir -p "$root/lib/stubs"
-    printf '%s\n' 'void jostle_no_driver(void) {}' > "$folder/stub.c"
-    cc -shared -Wl,-soname,libcuda.so.1 -o "$root/lib/stubs/libcuda.so" "$folder/stub.c"
+    printf '%s\n' 'int cuInit(unsigned int flags) { (void)flags; return 100; }' \
+        'int cuDeviceGet(int *device, int ordinal) { (void)device; (void)ordinal; return 100; }' > "$folder/stub.c"
+    cc -shared -fPIC -Wl,-soname,libcuda.so.1 -o "$root/lib/stubs/libcuda.so" "$folder/stub.c"
 fi
 
 export CUDA_ROOT="$root" CUDA_PATH="$root" CUDA_HOME="$root" CUDA_COMPUTE_CAP="$capability"

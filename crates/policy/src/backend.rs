@@ -22,10 +22,10 @@ use crate::reference::{Actor, CandleNetwork, Critic};
 ///
 /// # Errors
 ///
-/// [`PolicyError::Config`] for sizes out of bounds and for a device that this build lacks or the
-/// back end does not know, [`PolicyError::Parameters`] if the parameters
-/// are not an actor's of these sizes, [`PolicyError::Candle`] if the reference back end's device is
-/// not there.
+/// [`PolicyError::Config`] for sizes out of bounds and for a device that this build or this machine
+/// lacks or the back end does not know, [`PolicyError::Parameters`] if the parameters are not an
+/// actor's of these sizes, [`PolicyError::Candle`] if the reference back end's device refuses an
+/// operation.
 pub fn actor(
     config: &NetworkConfig,
     engine: impl Into<Engine>,

@@ -39,20 +39,28 @@ impl Device {
     ///
     /// # Errors
     ///
-    /// [`PolicyError::Config`] where this build has no such devices, [`PolicyError::Candle`] where
-    /// the machine has no such device: nothing else is taken in its place.
+    /// [`PolicyError::Config`] where this build or this machine has no such device: nothing else is
+    /// taken in its place.
     pub fn open(self) -> Result<candle_core::Device, PolicyError> {
         match self {
             Self::Cpu => Ok(candle_core::Device::Cpu),
             Self::Cuda(_) if !cfg!(feature = "cuda") => Err(self.is_not_built("cuda")),
-            Self::Cuda(number) => Ok(candle_core::Device::new_cuda(number)?),
+            Self::Cuda(number) => {
+                candle_core::Device::new_cuda(number).map_err(|error| self.is_not_there(error))
+            }
             Self::Metal(_) if !cfg!(feature = "metal") => Err(self.is_not_built("metal")),
-            Self::Metal(number) => Ok(candle_core::Device::new_metal(number)?),
+            Self::Metal(number) => {
+                candle_core::Device::new_metal(number).map_err(|error| self.is_not_there(error))
+            }
         }
     }
 
     fn is_not_built(self, feature: &str) -> PolicyError {
         refuse(&self, format!("cpu, since this program is built without the feature `{feature}`"))
+    }
+
+    fn is_not_there(self, error: candle_core::Error) -> PolicyError {
+        refuse(&self, format!("a device that this machine has ({})", PolicyError::from(error)))
     }
 }
 
@@ -143,6 +151,8 @@ impl Engine {
 
 #[cfg(test)]
 mod tests {
+    use std::backtrace::Backtrace;
+
     use super::*;
 
     #[test]
@@ -181,5 +191,16 @@ mod tests {
             );
             assert_eq!(refusal, expected);
         }
+    }
+
+    #[test]
+    fn a_device_that_is_not_there_is_told_in_one_line() {
+        let inner = Box::new(candle_core::Error::Msg("no driver".to_owned()));
+        let backtrace = Box::new(Backtrace::force_capture());
+        let error = candle_core::Error::WithBacktrace { inner, backtrace };
+        assert_eq!(
+            Device::Cuda(1).is_not_there(error).to_string(),
+            "network configuration: device: found cuda:1, expected a device that this machine has (candle: no driver)"
+        );
     }
 }

@@ -58,14 +58,18 @@ pub enum PolicyError {
         /// The system's reason.
         reason: std::io::Error,
     },
-    /// The device of the reference back end is not available, or refused an operation. The message
-    /// holds candle's own, which is therefore not handed on as a source.
+    /// The device of the reference back end refused an operation. The message holds candle's own,
+    /// which is therefore not handed on as a source.
     #[error("candle: {0}")]
     Candle(candle_core::Error),
 }
 
 impl From<candle_core::Error> for PolicyError {
+    /// Without the stack that candle adds where `RUST_BACKTRACE` is set: a message is one line.
     fn from(error: candle_core::Error) -> Self {
-        Self::Candle(error)
+        match error {
+            candle_core::Error::WithBacktrace { inner, .. } => (*inner).into(),
+            error => Self::Candle(error),
+        }
     }
 }
