@@ -221,7 +221,7 @@ fn the_driver_locks_what_the_crates_need() {
         let needed = manifest.get("dependencies").and_then(toml::Value::as_table).into_iter().flatten();
         for (dependency, value) in needed {
             let optional = value.get("optional").and_then(toml::Value::as_bool).unwrap_or(false);
-            let package = value.get("package").and_then(toml::Value::as_str).unwrap_or(dependency);
+            let package = package(dependency, value);
             assert!(
                 optional || locked.contains(package),
                 "ros/Cargo.lock: {name} has no {package}, expected what crates/{folder}/Cargo.toml asks for; \
@@ -364,10 +364,12 @@ fn dependencies(manifest: &toml::Table) -> BTreeSet<String> {
     let kinds = ["dependencies", "dev-dependencies", "build-dependencies"];
     let lists =
         tables.flat_map(|table| kinds.into_iter().filter_map(move |kind| table.get(kind)?.as_table()));
-    let package = |(name, value): (&String, &toml::Value)| {
-        value.get("package").and_then(toml::Value::as_str).unwrap_or(name).to_owned()
-    };
-    lists.flat_map(|list| list.iter().map(package)).collect()
+    lists.flatten().map(|(name, value)| package(name, value).to_owned()).collect()
+}
+
+/// The package behind a dependency's name.
+fn package<'a>(name: &'a str, value: &'a toml::Value) -> &'a str {
+    value.get("package").and_then(toml::Value::as_str).unwrap_or(name)
 }
 
 fn crate_folder(name: &str) -> PathBuf {
